@@ -1,0 +1,284 @@
+"""The log marginal likelihood, its gradient and the prediction, in one square buffer.
+
+Hyperparameters are a vector theta = (log alpha, log l_1, log l_2, log sigma^2) in scaled units;
+the covariance of the observations is K_y = K + (sigma^2 + jitter) I.
+"""
+
+import numpy as np
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
+
+from infoplan.model.kernel import (
+    copy_triangle,
+    fill_covariance,
+    fill_cross_covariance,
+    gradient_sums,
+)
+
+# Where a jitter of zero starts to grow.
+_FIRST_JITTER = 1e-10
+# Query points whose cross-covariances are held at a time: a block stays near the caches.
+_BLOCK = 256
+
+
+class Likelihood:
+    """Log marginal likelihood of some data as a function of the hyperparameters.
+
+    One square buffer holds in turn the lower triangle of K_y, of its Cholesky factor and of its
+    inverse. The factor is kept for as long as the hyperparameters stay: it serves a prediction
+    after a likelihood, and grows by a block of rows when data are only added.
+
+    Parameters
+    ----------
+    jitter : float
+        Added to the noise variance, in every factorisation. A factorisation that fails is tried
+        again with ten times as much, until it succeeds.
+    dtype : {"float64", "float32"}
+        Of the buffer, the factorisation and the solves. Sums over data are always in double.
+
+    Attributes
+    ----------
+    jitter : float
+        What the last factorisation used.
+    """
+
+    def __init__(self, jitter: float, dtype: str = "float64") -> None:
+        self.jitter = jitter
+        self._configured_jitter = jitter
+        self._x = np.empty((2, 0))
+        self._y = np.empty(0)
+        self._buffer = np.empty(0, dtype=dtype)
+        self._theta: np.ndarray | None = None  # of the factor in the buffer, None without one
+        self._rows = 0  # of the factor in the buffer
+        self._weights: np.ndarray | None = None  # K_y^-1 y of the factor and the data
+        self._potrf, self._potrs, self._potri = get_lapack_funcs(
+            ("potrf", "potrs", "potri"), dtype=dtype
+        )
+        self._trsm, self._syrk = get_blas_funcs(("trsm", "syrk"), dtype=dtype)
+
+    @property
+    def n_data(self) -> int:
+        """Number of data."""
+        return self._y.size
+
+    def set_data(self, x: np.ndarray, y: np.ndarray) -> None:
+        """Take other data.
+
+        Parameters
+        ----------
+        x : ndarray of shape (2, n)
+            Scaled inputs, finite.
+        y : ndarray of shape (n,)
+            Scaled observations, finite.
+        """
+        if not np.array_equal(x[:, : self._rows], self._x[:, : self._rows]):
+            self._theta = None
+        self._x, self._y = x, y
+        self._weights = None
+
+    def value(self, theta: np.ndarray) -> float:
+        """Log marginal likelihood (the paper's eq. `log_marginal_likelihood`).
+
+        Parameters
+        ----------
+        theta : ndarray of shape (4,)
+            Log hyperparameters.
+
+        Returns
+        -------
+        float
+            The likelihood in nats; 0 without data.
+        """
+        weights = self._solve(theta)
+        log_diagonal = np.log(np.diagonal(self._square()).astype(float))
+        return float(
+            -0.5 * (self._y @ weights)
+            - log_diagonal.sum()
+            - 0.5 * self.n_data * np.log(2.0 * np.pi)
+        )
+
+    def value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log marginal likelihood and its gradient (Rasmussen & Williams, eq. 5.9).
+
+        Parameters
+        ----------
+        theta : ndarray of shape (4,)
+            Log hyperparameters.
+
+        Returns
+        -------
+        value : float
+            The likelihood in nats.
+        gradient : ndarray of shape (4,)
+            Its derivatives by theta.
+        """
+        value = self.value(theta)
+        if self.n_data == 0:
+            return value, np.zeros(4)
+        self._theta = None  # the inverse takes the factor's place
+        inverse, _ = self._potri(self._square(), lower=1, overwrite_c=1)
+        variance, rates, noise = _parameters(theta)
+        below, first, second, trace = gradient_sums(self._x, rates, self._weights, inverse)
+        gradient = [
+            variance * (2.0 * below + trace),
+            2.0 * variance * first,
+            2.0 * variance * second,
+            0.5 * noise * trace,
+        ]
+        return value, np.array(gradient)
+
+    def predict(self, theta: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Predictive mean and latent variance (Rasmussen & Williams, Algorithm 2.1).
+
+        Parameters
+        ----------
+        theta : ndarray of shape (4,)
+            Log hyperparameters.
+        x : ndarray of shape (2, m)
+            Scaled query inputs.
+
+        Returns
+        -------
+        mean, variance : ndarrays of shape (m,)
+            In scaled units. The variance is at least alpha^2 times the machine epsilon of the
+            dtype, which is the rounding of the difference that gives it.
+        """
+        variance, rates, _ = _parameters(theta)
+        means = np.zeros(x.shape[1])
+        variances = np.full(x.shape[1], variance)
+        if self.n_data:
+            weights = self._solve(theta).astype(self._buffer.dtype)
+            factor = self._square()
+            scratch = np.empty(self.n_data * min(_BLOCK, x.shape[1]), dtype=self._buffer.dtype)
+            for start in range(0, x.shape[1], _BLOCK):
+                part = x[:, start : start + _BLOCK]
+                stop = start + part.shape[1]
+                cross = scratch[: self.n_data * part.shape[1]].reshape(
+                    (self.n_data, part.shape[1]), order="F"
+                )
+                fill_cross_covariance(self._x, part, rates, variance, cross)
+                means[start:stop] = weights @ cross
+                rows = self._trsm(1.0, factor, cross, lower=1, overwrite_b=1).T
+                variances[start:stop] -= np.einsum("ij,ij->i", rows, rows)
+        floor = variance * float(np.finfo(self._buffer.dtype).eps)
+        return means, np.maximum(variances, floor)
+
+    def _square(self) -> np.ndarray:
+        """Return the buffer as a Fortran-ordered square matrix of the size of the data."""
+        n = self.n_data
+        return self._buffer[: n * n].reshape((n, n), order="F")
+
+    def _solve(self, theta: np.ndarray) -> np.ndarray:
+        """Factorise if need be, and return K_y^-1 y."""
+        self._factorise(theta)
+        if self._weights is None:
+            if self.n_data == 0:
+                self._weights = np.empty(0)
+            else:
+                weights, _ = self._potrs(self._square(), self._y, lower=1)
+                self._weights = weights.astype(float)
+        return self._weights
+
+    def _factorise(self, theta: np.ndarray) -> None:
+        """Put the Cholesky factor of K_y into the buffer."""
+        if self._theta is not None and np.array_equal(theta, self._theta):
+            if self._rows == self.n_data:
+                return
+            if self.jitter == self._configured_jitter and self._grow(theta):
+                return
+        self._theta = self._weights = None
+        self._reserve(self.n_data)
+        self.jitter = self._configured_jitter
+        while not self._cholesky(theta):
+            self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
+        self._theta, self._rows = theta.copy(), self.n_data
+
+    def _cholesky(self, theta: np.ndarray) -> bool:
+        """Build and factorise K_y with the present jitter; tell whether that succeeded."""
+        if self.n_data == 0:
+            return True
+        variance, rates, noise = _parameters(theta)
+        square = self._square()
+        fill_covariance(self._x, rates, variance, variance + noise + self.jitter, square)
+        _, info = self._potrf(square, lower=1, clean=0, overwrite_a=1)
+        return info == 0 and bool(np.isfinite(np.diagonal(square)).all())
+
+    def _grow(self, theta: np.ndarray) -> bool:
+        """Append the new data's rows to the factor; tell whether that succeeded."""
+        variance, rates, noise = _parameters(theta)
+        old, new = self._rows, self.n_data - self._rows
+        x_new = np.ascontiguousarray(self._x[:, old:])
+        left = np.empty((new, old), order="F", dtype=self._buffer.dtype)
+        corner = np.zeros((new, new), order="F", dtype=self._buffer.dtype)
+        fill_cross_covariance(x_new, np.ascontiguousarray(self._x[:, :old]), rates, variance, left)
+        fill_covariance(x_new, rates, variance, variance + noise + self.jitter, corner)
+        if old:
+            factor = self._buffer[: old * old].reshape((old, old), order="F")
+            left = self._trsm(1.0, factor, left, side=1, lower=1, trans_a=1, overwrite_b=1)
+            corner = self._syrk(-1.0, left, beta=1.0, c=corner, lower=1, overwrite_c=1)
+        corner, info = self._potrf(corner, lower=1, clean=0, overwrite_a=1)
+        if info != 0 or not np.isfinite(np.diagonal(corner)).all():
+            return False
+        self._reserve(self.n_data, keep=old)
+        square = self._square()
+        square[old:, :old] = left
+        square[old:, old:] = corner
+        self._rows, self._weights = self.n_data, None
+        return True
+
+    def _reserve(self, n: int, keep: int = 0) -> None:
+        """Make room for an n x n matrix, and move the leading triangle of size ``keep`` there."""
+        source = self._buffer
+        if source.size < n * n:
+            # A quarter more rows than asked for: a mission adds a few at a time.
+            self._buffer = np.empty((n + n // 4) ** 2, dtype=source.dtype)
+        if keep:
+            copy_triangle(keep, source, n, self._buffer)
+
+
+def _parameters(theta: np.ndarray) -> tuple[float, np.ndarray, float]:
+    """Return alpha^2, 1 / (2 l_d^2) and sigma^2 of a vector of log hyperparameters."""
+    return float(np.exp(2.0 * theta[0])), 0.5 * np.exp(-2.0 * theta[1:3]), float(np.exp(theta[3]))
+
+
+def log_marginal_likelihood(
+    x: np.ndarray,
+    y: np.ndarray,
+    theta: np.ndarray,
+    *,
+    jitter: float = 1e-6,
+    dtype: str = "float64",
+) -> tuple[float, np.ndarray]:
+    """Log marginal likelihood of data under given hyperparameters, and its gradient.
+
+    The paper's eq. `log_marginal_likelihood`; Rasmussen & Williams, Algorithm 2.1 and eq. 5.9.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n, 2)
+        Inputs, scaled already.
+    y : ndarray of shape (n,)
+        Observations, scaled already.
+    theta : ndarray of shape (4,)
+        (log alpha, log l_1, log l_2, log sigma^2).
+    jitter : float
+        Added to sigma^2, ten times as much whenever the factorisation fails.
+    dtype : {"float64", "float32"}
+        Precision of the factorisation.
+
+    Returns
+    -------
+    value : float
+        The likelihood in nats.
+    gradient : ndarray of shape (4,)
+        Its derivatives by theta.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> value, gradient = log_marginal_likelihood(np.zeros((1, 2)), np.ones(1), np.zeros(4))
+    >>> round(value, 4), gradient.shape
+    (-1.5155, (4,))
+    """
+    likelihood = Likelihood(jitter, dtype)
+    likelihood.set_data(np.ascontiguousarray(np.asarray(x, float).T), np.asarray(y, float))
+    return likelihood.value_and_gradient(np.asarray(theta, float))
