@@ -1,0 +1,374 @@
+"""Every option of infoplan: its name, type, default, bounds and unit, defined once.
+
+The dataclasses below are the schemas of the Hydra configuration in ``infoplan.conf`` and the plain
+records that the rest of the code reads. `MissionConfig` is the science: what decides a mission's
+numbers. `Config` adds what does not: seeds, workers, paths.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+from infoplan.errors import UsageError
+
+
+def option(
+    default: Any,
+    doc: str,
+    *,
+    unit: str = "",
+    at_least: float | None = None,
+    above: float | None = None,
+    at_most: float | None = None,
+    below: float | None = None,
+    choices: tuple[str, ...] = (),
+    length: int | None = None,
+) -> Any:
+    """Declare an option: a dataclass field whose metadata say what values are allowed.
+
+    Parameters
+    ----------
+    default
+        The default value; a list is copied for each instance.
+    doc
+        One line for a person.
+    unit
+        Unit of the value, empty where it has none.
+    at_least, above, at_most, below
+        Bounds of a number, or of every number in a list.
+    choices
+        The strings allowed; for an option that is not a string, the strings allowed besides.
+    length
+        Number of entries that a list must have.
+    """
+    bounds = {"at least": at_least, "above": above, "at most": at_most, "below": below}
+    metadata = {
+        "doc": doc,
+        "unit": unit,
+        "bounds": {name: bound for name, bound in bounds.items() if bound is not None},
+        "choices": choices,
+        "length": length,
+    }
+    if isinstance(default, list):
+        return field(default_factory=lambda: list(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+@dataclass
+class TerrainConfig:
+    """The ground truth and its workspace."""
+
+    name: str = option(
+        "helens", "which map", choices=("helens", "volcano", "jacksboro", "file")
+    )
+    path: str | None = option(None, "a map file, or a folder that holds the named map")
+    extent: list[float] = option(
+        [0.0, 50.0, 0.0, 50.0], "xmin, xmax, ymin, ymax", unit="workspace units", length=4
+    )
+    unit: str | None = option(None, "unit of the elevations; null: the map's own")
+    on_missing: str = option(
+        "fallback",
+        "where helens can be had nowhere: go on with volcano, or stop",
+        choices=("fallback", "error"),
+    )
+
+
+@dataclass
+class PlannerConfig:
+    """Tree search over the robot's actions."""
+
+    name: str = option("puct", "tree policy", choices=("uct", "puct"))
+    iterations: int = option(500, "tree search iterations a decision", at_least=1)
+    rollouts: int = option(5, "straight actions of a rollout", at_least=0)
+    exploration: float = option(
+        0.3, "C of the (Pareto) UCB, times the largest mean among the children", at_least=0
+    )
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+    execute_actions: int | None = option(
+        None, "drive only the first actions of a plan; null: all", at_least=1
+    )
+    smoothing: float = option(
+        2.0,
+        "standard deviation of the Gaussian that smooths the outlier matrix",
+        unit="workspace units",
+        at_least=0,
+    )
+
+
+@dataclass
+class DetectorConfig:
+    """What judges the samples."""
+
+    name: str = option("none", "detector", choices=("none", "best", "copod"))
+    scope: str = option(
+        "batch", "judge the new batch, or re-judge all data", choices=("batch", "historical")
+    )
+
+
+@dataclass
+class CopodConfig(DetectorConfig):
+    """COPOD on the measured elevation."""
+
+    name: str = option("copod", "detector", choices=("copod",))
+    contamination: float = option(0.1, "share of the data to flag", above=0, at_most=0.5)
+    score: str = option(
+        "pyod", "PyOD's score, or the paper's maximum of the tails", choices=("pyod", "paper")
+    )
+
+
+@dataclass
+class ModelConfig:
+    """Gaussian process regression; hyperparameters in scaled units."""
+
+    name: str = option("gp", "model", choices=("gp",))
+    amplitude: float = option(1.0, "start value of the amplitude", above=0)
+    lengthscale: float = option(0.5, "start value of both lengthscales", above=0)
+    noise_variance: float = option(1.0, "start value of the noise variance", above=0)
+    min_noise_variance: float = option(1e-4, "floor of the learned noise variance", at_least=0)
+    jitter: float = option(1e-6, "added to the diagonal of the covariance", at_least=0)
+    optimizer: str = option(
+        "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
+    )
+    learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+    pilot_iterations: int = option(500, "optimiser iterations on the pilot data", at_least=0)
+    iterations: int | str = option(
+        5,
+        "optimiser iterations an epoch, or as many as new samples",
+        at_least=0,
+        choices=("per_sample",),
+    )
+    dtype: str = option("float64", "precision of the matrices", choices=("float64", "float32"))
+
+
+@dataclass
+class RobotConfig:
+    """Dubins car."""
+
+    speed: float = option(0.7, "distance between samples", unit="workspace units", above=0)
+    samples_per_action: int = option(10, "samples along an action", at_least=1)
+    max_steering: float = option(
+        0.15, "largest steering angle, a turn per sample", unit="rad", above=0, at_most=math.pi
+    )
+    steering_angles: int = option(5, "number of steering angles, even over both sides", at_least=1)
+
+
+@dataclass
+class PilotConfig:
+    """The path driven before any planning: a Bezier curve."""
+
+    samples: int = option(100, "samples along the curve", at_least=3)
+    outliers: bool = option(False, "the pilot samples get spikes, too")
+    control_points: list[list[float]] = option(
+        [
+            [0.25, 0.0],
+            [0.0, 0.0],
+            [0.0, 0.25],
+            [0.0, 0.5],
+            [0.0, 0.75],
+            [0.0, 1.0],
+            [0.25, 1.0],
+            [0.5, 1.0],
+            [0.75, 1.0],
+            [1.0, 1.0],
+            [1.0, 0.75],
+            [1.0, 0.5],
+            [1.0, 0.25],
+            [1.0, 0.0],
+            [0.75, 0.0],
+            [0.5, 0.0],
+            [0.5, 0.25],
+            [0.5, 0.5],
+        ],
+        "control points, fractions of the extent",
+        at_least=0,
+        at_most=1,
+    )
+
+
+@dataclass
+class SensorConfig:
+    """The elevation sensor."""
+
+    noise_std: float = option(
+        1.0, "standard deviation of the Gaussian noise", unit="the terrain's", at_least=0
+    )
+
+
+@dataclass
+class OutliersConfig:
+    """Spikes added to the measurements of a batch."""
+
+    count: str = option(
+        "round",
+        "spikes in a batch of n: rho n rounded half to even, its floor, or n draws",
+        choices=("round", "floor", "bernoulli"),
+    )
+    amplitude: list[float] = option(
+        [1.0, 2.0], "bounds of the uniform amplitude, times the data range", at_least=0, length=2
+    )
+    quantiles: list[float] = option(
+        [0.05, 0.95],
+        "quantiles between which the batch's data range lies",
+        at_least=0,
+        at_most=1,
+        length=2,
+    )
+
+
+@dataclass
+class MissionConfig:
+    """All that decides the numbers of a mission, its seed and the map's bytes apart."""
+
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    detector: DetectorConfig = field(default_factory=CopodConfig)
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    model: ModelConfig = field(default_factory=ModelConfig)
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    pilot: PilotConfig = field(default_factory=PilotConfig)
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    outliers: OutliersConfig = field(default_factory=OutliersConfig)
+    rho: float = option(0.1, "share of a batch that becomes spikes", at_least=0, at_most=1)
+    budget: int = option(2000, "samples of a mission, the pilot's included", at_least=1)
+    grid: list[int] = option(
+        [50, 50], "nodes of the query grid along y and x", at_least=2, length=2
+    )
+
+
+@dataclass
+class Config(MissionConfig):
+    """A mission's science and how to run it."""
+
+    seeds: Any = option(10, "how many seeds (0 to n - 1), or a list of them")
+    n_jobs: int = option(-1, "parallel missions; -1: one a core")
+    backend: str = option("loky", "where missions run", choices=("loky",))
+    results_dir: str = option("results", "where the tables land")
+    resume: bool = option(True, "keep the seeds whose table is already there")
+
+
+def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    """Walk over all options of a configuration.
+
+    Yields
+    ------
+    name : str
+        Dotted name, as on the command line.
+    value
+        Its value.
+    metadata : dict
+        What `option` recorded.
+    """
+    assert is_dataclass(config)
+    for item in fields(config):
+        value = getattr(config, item.name)
+        if is_dataclass(value):
+            yield from options(value, f"{prefix}{item.name}.")
+        else:
+            yield prefix + item.name, value, dict(item.metadata)
+
+
+def validate(config: MissionConfig) -> None:
+    """Check every bound, and the relations between options.
+
+    Raises
+    ------
+    UsageError
+        Names the first option that is wrong and what it may be.
+    """
+    for name, value, metadata in options(config):
+        _check_option(name, value, metadata)
+    xmin, xmax, ymin, ymax = config.terrain.extent
+    if not (xmin < xmax and ymin < ymax):
+        raise UsageError(
+            f"terrain.extent={config.terrain.extent} is empty: it is [xmin,xmax,ymin,ymax] "
+            "with xmin < xmax and ymin < ymax"
+        )
+    action = config.robot.speed * config.robot.samples_per_action
+    if min(xmax - xmin, ymax - ymin) < 2 * action:
+        # Half a side must hold an action, or the car could be stuck whatever its heading.
+        raise UsageError(
+            f"terrain.extent={config.terrain.extent} is too small for the robot: each side must be "
+            f"at least twice robot.speed x robot.samples_per_action = {2 * action:g}"
+        )
+    if config.budget <= config.pilot.samples:
+        raise UsageError(
+            f"budget={config.budget} leaves nothing to plan: it counts the pilot and must be above "
+            f"pilot.samples={config.pilot.samples}"
+        )
+    for name, bounds in (
+        ("outliers.amplitude", config.outliers.amplitude),
+        ("outliers.quantiles", config.outliers.quantiles),
+    ):
+        if bounds[0] > bounds[1]:
+            raise UsageError(f"{name}={bounds} is the wrong way round: the smaller bound is first")
+    points = config.pilot.control_points
+    if len(points) < 2 or any(len(point) != 2 for point in points):
+        raise UsageError(
+            "pilot.control_points must be a list of at least two [x,y] pairs, fractions of the extent"
+        )
+    if isinstance(config, Config):
+        seed_list(config.seeds)
+        if config.n_jobs == 0:
+            raise UsageError("n_jobs=0 runs nothing: give a number of workers, or -1 for all cores")
+
+
+def seed_list(seeds: Any) -> list[int]:
+    """Seeds that ``seeds=`` stands for: a count n means 0 to n - 1.
+
+    Raises
+    ------
+    UsageError
+        If it is neither a positive count nor a list of different non-negative integers.
+    """
+    allowed = "it must be a count of at least 1, or a list of different integers of at least 0"
+    if isinstance(seeds, bool) or not isinstance(seeds, int | list):
+        raise UsageError(f"seeds={seeds!r} is not a number of seeds: {allowed}")
+    chosen = list(range(seeds)) if isinstance(seeds, int) else seeds
+    if any(isinstance(seed, bool) or not isinstance(seed, int) or seed < 0 for seed in chosen):
+        raise UsageError(f"seeds={seeds} holds something else than seeds: {allowed}")
+    if not chosen:
+        raise UsageError(f"seeds={seeds} is no seed at all: {allowed}")
+    if len(set(chosen)) < len(chosen):
+        raise UsageError(f"seeds={seeds} names a seed twice: {allowed}")
+    return chosen
+
+
+def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
+    choices = metadata["choices"]
+    if isinstance(value, str):
+        if choices and value not in choices:
+            also = " or a number" if metadata["bounds"] else ""
+            raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
+        return
+    length = metadata["length"]
+    if length is not None and len(value) != length:
+        raise UsageError(f"{name}={value} must have {length} entries ({metadata['doc']})")
+    for number in _numbers(value):
+        if not math.isfinite(number):
+            raise UsageError(f"{name}={value} must be finite")
+        for relation, bound in metadata["bounds"].items():
+            if not _holds(number, relation, bound):
+                unit = f" ({metadata['unit']})" if metadata["unit"] else ""
+                allowed = " and ".join(f"{r} {b:g}" for r, b in metadata["bounds"].items())
+                raise UsageError(f"{name}={value} is out of bounds: it must be {allowed}{unit}")
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, list):
+        for entry in value:
+            yield from _numbers(entry)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield value
+
+
+def _holds(number: float, relation: str, bound: float) -> bool:
+    return {
+        "at least": number >= bound,
+        "above": number > bound,
+        "at most": number <= bound,
+        "below": number < bound,
+    }[relation]
+
+
+def _either(choices: tuple[str, ...]) -> str:
+    return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)

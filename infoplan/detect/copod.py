@@ -1,0 +1,63 @@
+"""Copula-based outlier detection of the measured elevation (paper, Section IV-A)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infoplan.detect.judgement import Judgement
+
+
+def copod(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    is_outlier: NDArray[np.bool_],
+    *,
+    contamination: float = 0.1,
+    score: str = "pyod",
+) -> Judgement:
+    """Fit COPOD on all measurements and flag the most extreme ones.
+
+    Parameters
+    ----------
+    x
+        Locations, shape (n, 2); unused: the paper's COPOD sees the elevation alone.
+    y
+        Measured elevations, shape (n,).
+    is_outlier
+        True labels; unused.
+    contamination
+        Share of the data above the threshold, in (0, 0.5].
+    score
+        ``pyod``: PyOD's, the larger of the skewness-corrected and of the mean of both tails;
+        ``paper``: the maximum over left, right and skewness-corrected tail.
+
+    Returns
+    -------
+    flagged : ndarray of bool, shape (n,)
+    score : ndarray, shape (n,)
+    """
+    if score == "pyod":
+        detector = _pyod_copod(contamination)
+        detector.fit(y[:, None])
+        return detector.labels_.astype(bool), detector.decision_scores_.astype(np.float64)
+    scores = paper_score(y)
+    # PyOD's rule: the threshold is the percentile, and a score must lie above it.
+    return scores > np.percentile(scores, 100 * (1 - contamination)), scores
+
+
+def paper_score(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest negative log probability among the tails of the empirical copula, shape (n,).
+
+    The skewness-corrected tail is one of the two others in one dimension, so the maximum over the
+    three is the maximum over both tails.
+    """
+    ordered = np.sort(y)
+    left = np.searchsorted(ordered, y, side="right") / len(y)
+    right = 1 - np.searchsorted(ordered, y, side="left") / len(y)
+    return -np.log(np.minimum(left, right))
+
+
+def _pyod_copod(contamination: float):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    # PyOD imports pyplot and numba: only a mission that uses it should wait for them.
+    from pyod.models.copod import COPOD
+
+    return COPOD(contamination=contamination)

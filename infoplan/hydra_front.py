@@ -1,0 +1,236 @@
+"""``infoplan run``: Hydra composes the configuration, this module hands it to the runner.
+
+Hydra runs one job after the other and answers a usage error in its own words; here a launcher of
+our own sends all jobs of a multirun to one pool, and errors become one sentence.
+"""
+
+import copy
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from hydra.core.plugins import Plugins
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.errors import HydraException
+from hydra.plugins.launcher import Launcher
+from omegaconf import MISSING, DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+
+from infoplan.config import (
+    Config,
+    CopodConfig,
+    DetectorConfig,
+    ModelConfig,
+    PlannerConfig,
+    TerrainConfig,
+    options,
+)
+from infoplan.errors import UsageError
+from infoplan.wording import suggest
+
+SCHEMAS: dict[str, dict[str, Any]] = {
+    "planner": {"uct": PlannerConfig(name="uct"), "puct": PlannerConfig(name="puct")},
+    "detector": {
+        "none": DetectorConfig(name="none"),
+        "best": DetectorConfig(name="best"),
+        "copod": CopodConfig(),
+    },
+    "terrain": {
+        name: TerrainConfig(name=name) for name in ("helens", "volcano", "jacksboro", "file")
+    },
+    "model": {"gp": ModelConfig()},
+}
+"""Schema of every choice of every group; each YAML file in ``infoplan.conf`` repeats one."""
+
+FLAGS_WITH_VALUE = ("-c", "--cfg", "-p", "--package", "-cp", "--config-path", "-cn", "--config-name",
+                    "-cd", "--config-dir", "--experimental-rerun")  # fmt: skip
+INFO_CHOICES = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
+
+_statuses: list[int] = []
+"""Exit status of each study of this process: Hydra keeps what a job returns to itself."""
+
+
+def run(arguments: list[str]) -> int:
+    """Run ``infoplan run`` with Hydra's command line; return the exit status."""
+    import hydra
+
+    register()
+    _statuses.clear()
+    flags, overrides = sort_arguments(arguments)
+    entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
+    with _command_line([*flags, *overrides]):
+        try:
+            entry(_task)()
+        except (HydraException, OmegaConfBaseException) as error:
+            raise UsageError(explain(error)) from error
+        except SystemExit as stop:
+            # argparse has said what is wrong; Hydra's own pages end with 0.
+            return int(stop.code or 0)
+    return max(_statuses, default=0)
+
+
+def complete(arguments: list[str]) -> int:
+    """Serve shell completion: the command word goes, the rest is Hydra's."""
+    line = os.environ.get("COMP_LINE", "")
+    words = line.split(" ")
+    if len(words) > 1 and words[1] == "run":
+        os.environ["COMP_LINE"] = " ".join([words[0], *words[2:]])
+        if "COMP_POINT" in os.environ:
+            os.environ["COMP_POINT"] = str(max(0, int(os.environ["COMP_POINT"]) - len("run ")))
+        return run(arguments)
+    if "query=" in " ".join(arguments) and len(words) > 1:
+        from infoplan.cli import COMMANDS
+
+        print("\n".join(name for name in COMMANDS if name.startswith(words[1])))
+        return 0
+    return run(arguments)
+
+
+def register() -> None:
+    """Register schemas and launcher with Hydra, in this process only."""
+    store = ConfigStore.instance()
+    base = OmegaConf.structured(Config)
+    for group, choices in SCHEMAS.items():
+        base[group] = MISSING
+        for name, schema in choices.items():
+            store.store(group=f"schema/{group}", name=name, node=schema, provider="infoplan")
+    store.store(name="base_config", node=base, provider="infoplan")
+    target = f"{PoolLauncher.__module__}.{PoolLauncher.__qualname__}"
+    store.store(group="hydra/launcher", name="infoplan", node={"_target_": target})
+    Plugins.instance().register(PoolLauncher)
+
+
+def sort_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Split a command line into flags, with their values, and overrides, in any order."""
+    flags, overrides = [], []
+    rest = iter(arguments)
+    for argument in rest:
+        if not argument.startswith("-"):
+            overrides.append(argument)
+            continue
+        flags.append(argument)
+        if argument in FLAGS_WITH_VALUE:
+            flags.extend(value for value in [next(rest, None)] if value is not None)
+        elif argument in ("-i", "--info"):
+            # Its value is optional: without one, the next override would be taken for it.
+            flags[-1] = "--info=all"
+            following = next(rest, None)
+            if following in INFO_CHOICES:
+                flags[-1] = f"--info={following}"
+            elif following is not None:
+                more_flags, more_overrides = sort_arguments([following, *rest])
+                return flags + more_flags, overrides + more_overrides
+    return flags, overrides
+
+
+class PoolLauncher(Launcher):
+    """Hydra launcher that sends all jobs of a multirun to one pool of workers."""
+
+    def setup(self, *, hydra_context: Any, task_function: Any, config: DictConfig) -> None:
+        """Keep what is needed to compose each job's configuration."""
+        self.config, self.hydra_context = config, hydra_context
+
+    def launch(
+        self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
+    ) -> Sequence[JobReturn]:
+        """Compose the configurations of all jobs and run them as one study."""
+        returned = []
+        configs = []
+        for overrides in job_overrides:
+            composed = self.hydra_context.config_loader.load_sweep_config(
+                self.config, list(overrides)
+            )
+            composed = copy.deepcopy(composed)
+            with open_dict(composed):
+                del composed["hydra"]
+            configs.append(composed)
+            returned.append(
+                JobReturn(overrides=overrides, cfg=composed, status=JobStatus.COMPLETED)
+            )
+        errors = _study(configs)
+        for job, error in zip(returned, errors, strict=True):
+            job.return_value = error
+        return returned
+
+
+def explain(error: BaseException) -> str:
+    """Say in one sentence what is wrong with a command line that Hydra refused."""
+    chain = [error]
+    while (cause := chain[-1].__cause__ or chain[-1].__context__) is not None:
+        chain.append(cause)
+    text = "\n".join(str(link) for link in chain)
+    known = [name for name, _, _ in options(Config())]
+    if match := re.search(r"Could not find '([^'/]+)/([^']*)'", text):
+        group, choice = match[1], match[2]
+        available = re.search(r"Available options in [^\n]*\n((?:\s+\S+\n?)+)", text)
+        choices = available[1].split() if available else list(SCHEMAS.get(group, {}))
+        return (
+            f"there is no {group} {choice!r}{suggest(choice, choices)}: "
+            f"{group}= takes {', '.join(choices)}"
+        )
+    if match := re.search(r"Could not override '([^']+)'", text):
+        key = match[1]
+        return (
+            f"there is no option {key!r}{suggest(key, [*known, *SCHEMAS, 'experiment'])}: "
+            "infoplan run --help lists all, --cfg job those of this configuration"
+        )
+    if match := re.search(r"Error merging override (\S+)", text):
+        reason = next((str(link) for link in reversed(chain) if str(link)), "").splitlines()[0]
+        return f"{match[1]} is not a value of that option: {reason}"
+    if match := re.search(r"Could not override '?([^\s']+)", text):
+        return f"{match[1]} cannot be overridden here: {text.splitlines()[0]}"
+    first = next(line for line in text.splitlines() if line.strip())
+    return f"the command line cannot be read: {first}"
+
+
+def _task(composed: DictConfig) -> float:
+    return _study([composed])[0]
+
+
+def _study(composed: Sequence[DictConfig]) -> list[float]:
+    """Run configurations as one study; return the mean final RMSE of each, for sweepers."""
+    from rich.console import Console
+
+    from infoplan.study.runner import run_study
+    from infoplan.study.summary import final_rmse, print_summary
+
+    configs = [_to_config(config) for config in composed]
+    console = Console(highlight=False)
+    study = run_study(configs, console)
+    print_summary(study, console)
+    _statuses.append(1 if study.failed else 0)
+    return final_rmse(study)
+
+
+def _to_config(composed: DictConfig) -> Config:
+    config = OmegaConf.to_object(composed)
+    assert isinstance(config, Config)
+    return config
+
+
+@contextmanager
+def _command_line(arguments: list[str]) -> Iterator[None]:
+    """Let Hydra see these arguments, raise its errors as they are, and keep its files away."""
+    saved_argv, saved_flag = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
+    scratch = tempfile.mkdtemp(prefix="infoplan-")
+    multirun = any(argument in ("-m", "--multirun") for argument in arguments)
+    if multirun and not any(argument.startswith("hydra.sweep.dir=") for argument in arguments):
+        # Hydra's sweeper insists on writing multirun.yaml somewhere.
+        arguments = [*arguments, f"hydra.sweep.dir={scratch}"]
+    sys.argv = ["infoplan", *arguments]
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        yield
+    finally:
+        sys.argv = saved_argv
+        if saved_flag is None:
+            del os.environ["HYDRA_FULL_ERROR"]
+        else:
+            os.environ["HYDRA_FULL_ERROR"] = saved_flag
+        shutil.rmtree(scratch, ignore_errors=True)

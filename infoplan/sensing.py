@@ -1,0 +1,60 @@
+"""The elevation sensor: Gaussian noise, and now and then a spike."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def measure(
+    truth: NDArray[np.float64], noise_std: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Add the sensor's Gaussian noise to the true elevations, shape (n,), terrain's unit."""
+    return truth + noise_std * rng.standard_normal(truth.shape)
+
+
+def add_spikes(
+    measured: NDArray[np.float64],
+    rho: float,
+    rng: np.random.Generator,
+    *,
+    count: str = "round",
+    amplitude: tuple[float, float] = (1.0, 2.0),
+    quantiles: tuple[float, float] = (0.05, 0.95),
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Turn a share of a batch into spike outliers (paper, Section V).
+
+    A spike's amplitude is uniform, its sign random, its scale the range between two quantiles of
+    the noisy batch.
+
+    Parameters
+    ----------
+    measured
+        Noisy measurements of the batch, shape (n,).
+    rho
+        Share of the batch that becomes spikes, in [0, 1].
+    rng
+        The epoch's stream of spikes.
+    count
+        ``round``: rho n rounded half to even, which keeps the share unbiased; ``floor``: its floor;
+        ``bernoulli``: each sample with probability rho.
+    amplitude
+        Bounds of the uniform amplitude.
+    quantiles
+        Quantiles that bound the data range of the batch.
+
+    Returns
+    -------
+    measured : ndarray, shape (n,)
+        With the spikes added.
+    is_outlier : ndarray of bool, shape (n,)
+    """
+    n = len(measured)
+    if count == "bernoulli":
+        is_outlier = rng.random(n) < rho
+    else:
+        # A product such as 0.29 * 100 falls just short of the integer that is meant.
+        number = round(rho * n) if count == "round" else int(rho * n + 1e-9)
+        is_outlier = np.zeros(n, dtype=bool)
+        is_outlier[rng.choice(n, size=number, replace=False)] = True
+    low, high = np.quantile(measured, quantiles)
+    scale = rng.uniform(*amplitude, size=n) * rng.choice([-1.0, 1.0], size=n)
+    return np.where(is_outlier, measured + scale * (high - low), measured), is_outlier

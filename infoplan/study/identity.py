@@ -1,0 +1,75 @@
+"""What makes two runs the same: the resolved scientific configuration, the map, the code's numbers."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+from infoplan.config import Config, MissionConfig
+from infoplan.terrain import Terrain
+
+NUMERICS_VERSION = 1
+"""Raised by hand whenever the same configuration and seed give other numbers than before."""
+
+SCHEMA_VERSION = 1
+"""Raised by hand whenever a table's columns or their meaning change."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One configuration on one map, without its seeds.
+
+    Attributes
+    ----------
+    name
+        Readable and unique: planner, detector, terrain, rho, scope, and a hash of `science`.
+    config
+        The resolved configuration: the terrain that was really loaded, the scope that counts.
+    terrain
+        The map.
+    science
+        Nested mapping of all that decides the numbers; what ``runs/<run>.yaml`` holds.
+    """
+
+    name: str
+    config: MissionConfig
+    terrain: Terrain
+    science: dict[str, Any]
+
+
+def identify(config: Config, terrain: Terrain) -> Run:
+    """Resolve a configuration on the terrain that was loaded for it, and name the run."""
+    resolved = resolve(config, terrain)
+    science: dict[str, Any] = asdict(resolved)
+    for irrelevant in ("path", "on_missing"):
+        del science["terrain"][irrelevant]
+    science["terrain"]["sha256"] = terrain.sha256
+    science["numerics_version"] = NUMERICS_VERSION
+    digest = hashlib.sha256(json.dumps(science, sort_keys=True).encode()).hexdigest()
+    name = "-".join(
+        [
+            resolved.planner.name,
+            resolved.detector.name,
+            terrain.name,
+            f"rho{resolved.rho:g}",
+            resolved.detector.scope,
+            digest[:8],
+        ]
+    )
+    return Run(name, resolved, terrain, science)
+
+
+def resolve(config: Config, terrain: Terrain) -> MissionConfig:
+    """Reduce a configuration to its science, with the terrain that was really loaded.
+
+    The detectors none and best judge a sample the same whenever they see it, so both scopes give
+    the same mission: it is always called ``batch``.
+    """
+    science = {item.name: getattr(config, item.name) for item in fields(MissionConfig)}
+    resolved = MissionConfig(**science)
+    resolved.terrain = replace(
+        config.terrain, name=terrain.name, extent=list(terrain.extent), unit=terrain.unit
+    )
+    if config.detector.name in ("none", "best"):
+        resolved.detector = replace(config.detector, scope="batch")
+    return resolved
