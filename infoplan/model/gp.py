@@ -108,6 +108,11 @@ class GaussianProcess:
         return Hyperparameters(amplitude, lengthscale_1, lengthscale_2, noise_variance**0.5)
 
     @property
+    def observation_noise_std(self) -> float:
+        """The learned sigma in the unit of the measurements."""
+        return self._y_std * self.hyperparameters.noise_std
+
+    @property
     def jitter(self) -> float:
         """The jitter that the last factorisation used, scaled units squared."""
         return self._likelihood.jitter

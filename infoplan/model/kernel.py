@@ -2,7 +2,13 @@
 
 Inputs are stored coordinate by coordinate, shape (2, n), so that the inner loops read contiguous
 memory and compile to vector instructions. ``rates`` are 1 / (2 l_d^2), so that the kernel is
-alpha^2 exp(-sum_d rates_d (x_d - x'_d)^2). Matrices are in Fortran order, as LAPACK wants them.
+alpha^2 exp(-sum_d rates_d (x_d - x'_d)^2).
+
+A symmetric or lower triangular n x n matrix is a vector of n (n + 1) / 2 elements in LAPACK's
+rectangular full packed format (Gustavson et al. 2010; TRANSR = 'N', UPLO = 'L'): half the memory
+of a square, and still factorised by blocked routines. With n1 = ceil(n / 2) and lda = n rounded up
+to odd it is an lda x n1 matrix in Fortran order: the first n1 columns of the lower triangle, and
+the rest of it, transposed, in the corner that these leave free.
 """
 
 import numpy as np
@@ -53,11 +59,32 @@ def _correlation(t: float) -> float:
     return e if t > _SMALLEST_EXPONENT else 0.0
 
 
+@njit(cache=True)
+def position(i: int, j: int, n: int) -> int:
+    """Place of element (i, j), i >= j, of a packed n x n matrix."""
+    split, even, lda = (n + 1) // 2, 1 - n % 2, n | 1
+    if j < split:
+        return j * lda + i + even
+    return (i - split + 1 - even) * lda + j - split
+
+
+@njit(cache=True)
+def _run(p: int, n: int) -> tuple[int, int, int]:
+    """Points whose entries with point p lie side by side: the first, the end, and their place.
+
+    Over all p the runs hold every pair of different points once.
+    """
+    split = (n + 1) // 2
+    if p < split:
+        return p + 1, n, position(p, p, n) + 1
+    return split, p, position(p, split, n)
+
+
 @njit(cache=True, fastmath={"contract"})
 def fill_covariance(
     x: np.ndarray, rates: np.ndarray, variance: float, diagonal: float, out: np.ndarray
 ) -> None:
-    """Write the lower triangle of the covariance of the data.
+    """Write the covariance of the data.
 
     Parameters
     ----------
@@ -69,17 +96,20 @@ def fill_covariance(
         alpha^2.
     diagonal : float
         What the diagonal holds: alpha^2 + sigma^2 + jitter.
-    out : ndarray of shape (n, n), Fortran order
-        Overwritten; above the diagonal nothing is touched.
+    out : ndarray of shape (n (n + 1) / 2,), packed
+        Overwritten.
     """
     x1, x2 = x[0], x[1]
     n = x1.size
-    for j in range(n):
-        out[j, j] = diagonal
-        for i in range(j + 1, n):
-            d1 = x1[i] - x1[j]
-            d2 = x2[i] - x2[j]
-            out[i, j] = variance * _correlation(-(rates[0] * d1 * d1 + rates[1] * d2 * d2))
+    for p in range(n):
+        out[position(p, p, n)] = diagonal
+        first, stop, place = _run(p, n)
+        # Slices, so that the loop's index is seen to be non-negative and the loop vectorises.
+        run1, run2, run = x1[first:stop], x2[first:stop], out[place : place + stop - first]
+        for i in range(run.size):
+            d1 = run1[i] - x1[p]
+            d2 = run2[i] - x2[p]
+            run[i] = variance * _correlation(-(rates[0] * d1 * d1 + rates[1] * d2 * d2))
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -124,45 +154,71 @@ def gradient_sums(
         1 / (2 l_d^2).
     weights : ndarray of shape (n,)
         w = K_y^-1 y.
-    inverse : ndarray of shape (n, n), Fortran order
-        K_y^-1; its lower triangle is read.
+    inverse : ndarray of shape (n (n + 1) / 2,), packed
+        K_y^-1.
 
     Returns
     -------
-    below, first, second : float
-        Sums below the diagonal of W c, of W c rates_1 d_1^2 and of W c rates_2 d_2^2.
+    pairs, first_axis, second_axis : float
+        Sums over pairs of different data of W c, W c rates_1 d_1^2 and W c rates_2 d_2^2.
     trace : float
         The trace of W.
     """
     x1, x2 = x[0], x[1]
     n = x1.size
-    below = first = second = trace = 0.0
-    for j in range(n):
-        trace += weights[j] * weights[j] - inverse[j, j]
-        for i in range(j + 1, n):
-            d1 = x1[i] - x1[j]
-            d2 = x2[i] - x2[j]
+    pairs = first_axis = second_axis = trace = 0.0
+    for p in range(n):
+        trace += weights[p] * weights[p] - inverse[position(p, p, n)]
+        first, stop, place = _run(p, n)
+        run1, run2, run = x1[first:stop], x2[first:stop], inverse[place : place + stop - first]
+        run_weights = weights[first:stop]
+        for i in range(run.size):
+            d1 = run1[i] - x1[p]
+            d2 = run2[i] - x2[p]
             t1 = rates[0] * d1 * d1
             t2 = rates[1] * d2 * d2
-            wc = (weights[i] * weights[j] - inverse[i, j]) * _correlation(-(t1 + t2))
-            below += wc
-            first += wc * t1
-            second += wc * t2
-    return below, first, second, trace
+            wc = (run_weights[i] * weights[p] - run[i]) * _correlation(-(t1 + t2))
+            pairs += wc
+            first_axis += wc * t1
+            second_axis += wc * t2
+    return pairs, first_axis, second_axis, trace
 
 
 @njit(cache=True)
-def copy_triangle(n: int, source: np.ndarray, m: int, target: np.ndarray) -> None:
-    """Copy the lower triangle of an n x n matrix to the corner of an m x m matrix, m >= n.
+def diagonal(n: int, packed: np.ndarray) -> np.ndarray:
+    """Copy the diagonal of a packed n x n matrix, in double precision."""
+    out = np.empty(n)
+    for p in range(n):
+        out[p] = packed[position(p, p, n)]
+    return out
+
+
+@njit(cache=True)
+def append_rows(
+    old: int, factor: np.ndarray, left: np.ndarray, corner: np.ndarray, out: np.ndarray
+) -> None:
+    """Write a triangular matrix whose last rows are new.
 
     Parameters
     ----------
-    n, m : int
-        Sizes of the two matrices, both in Fortran order.
-    source, target : ndarrays of shape (>= n^2,) and (>= m^2,)
-        Their storage; both may be the same memory.
+    old : int
+        Size of the matrix before.
+    factor : ndarray of shape (>= old (old + 1) / 2,), packed
+        Its first rows.
+    left : ndarray of shape (new, old), Fortran order
+        The new rows left of the old size.
+    corner : ndarray of shape (new (new + 1) / 2,), packed
+        The new rows right of it.
+    out : ndarray of shape (>= n (n + 1) / 2,), packed, n = old + new
+        Overwritten.
     """
-    # Backwards: within one buffer an element never moves to a lower address.
-    for j in range(n - 1, -1, -1):
-        for i in range(n - 1, j - 1, -1):
-            target[j * m + i] = source[j * n + i]
+    new = left.shape[0]
+    n = old + new
+    for j in range(old):
+        for i in range(j, old):
+            out[position(i, j, n)] = factor[position(i, j, old)]
+        for i in range(new):
+            out[position(old + i, j, n)] = left[i, j]
+    for j in range(new):
+        for i in range(j, new):
+            out[position(old + i, old + j, n)] = corner[position(i, j, new)]

@@ -1,14 +1,15 @@
-"""The log marginal likelihood, its gradient and the prediction, in one square buffer.
+"""The log marginal likelihood, its gradient and the prediction, in one packed buffer.
 
 Hyperparameters are a vector theta = (log alpha, log l_1, log l_2, log sigma^2) in scaled units;
 the covariance of the observations is K_y = K + (sigma^2 + jitter) I.
 """
 
 import numpy as np
-from scipy.linalg import get_blas_funcs, get_lapack_funcs
+from scipy.linalg import get_lapack_funcs
 
 from infoplan.model.kernel import (
-    copy_triangle,
+    append_rows,
+    diagonal,
     fill_covariance,
     fill_cross_covariance,
     gradient_sums,
@@ -16,16 +17,16 @@ from infoplan.model.kernel import (
 
 # Where a jitter of zero starts to grow.
 _FIRST_JITTER = 1e-10
-# Query points whose cross-covariances are held at a time: a block stays near the caches.
-_BLOCK = 256
+# Query points whose cross-covariances are held at a time: more need memory, fewer need time.
+_BLOCK = 512
 
 
 class Likelihood:
     """Log marginal likelihood of some data as a function of the hyperparameters.
 
-    One square buffer holds in turn the lower triangle of K_y, of its Cholesky factor and of its
-    inverse. The factor is kept for as long as the hyperparameters stay: it serves a prediction
-    after a likelihood, and grows by a block of rows when data are only added.
+    One packed buffer holds in turn K_y, its Cholesky factor and its inverse. The factor is kept
+    for as long as the hyperparameters stay: it serves a prediction after a likelihood, and grows
+    by a block of rows when data are only added.
 
     Parameters
     ----------
@@ -50,10 +51,9 @@ class Likelihood:
         self._theta: np.ndarray | None = None  # of the factor in the buffer, None without one
         self._rows = 0  # of the factor in the buffer
         self._weights: np.ndarray | None = None  # K_y^-1 y of the factor and the data
-        self._potrf, self._potrs, self._potri = get_lapack_funcs(
-            ("potrf", "potrs", "potri"), dtype=dtype
+        self._pftrf, self._pftrs, self._pftri, self._tfsm, self._sfrk = get_lapack_funcs(
+            ("pftrf", "pftrs", "pftri", "tfsm", "sfrk"), dtype=dtype
         )
-        self._trsm, self._syrk = get_blas_funcs(("trsm", "syrk"), dtype=dtype)
 
     @property
     def n_data(self) -> int:
@@ -89,7 +89,7 @@ class Likelihood:
             The likelihood in nats; 0 without data.
         """
         weights = self._solve(theta)
-        log_diagonal = np.log(np.diagonal(self._square()).astype(float))
+        log_diagonal = np.log(diagonal(self.n_data, self._packed()))
         return float(
             -0.5 * (self._y @ weights)
             - log_diagonal.sum()
@@ -115,11 +115,11 @@ class Likelihood:
         if self.n_data == 0:
             return value, np.zeros(4)
         self._theta = None  # the inverse takes the factor's place
-        inverse, _ = self._potri(self._square(), lower=1, overwrite_c=1)
+        inverse, _ = self._pftri(self.n_data, self._packed(), uplo="L", overwrite_a=1)
         variance, rates, noise = _parameters(theta)
-        below, first, second, trace = gradient_sums(self._x, rates, self._weights, inverse)
+        pairs, first, second, trace = gradient_sums(self._x, rates, self._weights, inverse)
         gradient = [
-            variance * (2.0 * below + trace),
+            variance * (2.0 * pairs + trace),
             2.0 * variance * first,
             2.0 * variance * second,
             0.5 * noise * trace,
@@ -147,7 +147,7 @@ class Likelihood:
         variances = np.full(x.shape[1], variance)
         if self.n_data:
             weights = self._solve(theta).astype(self._buffer.dtype)
-            factor = self._square()
+            factor = self._packed()
             scratch = np.empty(self.n_data * min(_BLOCK, x.shape[1]), dtype=self._buffer.dtype)
             for start in range(0, x.shape[1], _BLOCK):
                 part = x[:, start : start + _BLOCK]
@@ -157,15 +157,14 @@ class Likelihood:
                 )
                 fill_cross_covariance(self._x, part, rates, variance, cross)
                 means[start:stop] = weights @ cross
-                rows = self._trsm(1.0, factor, cross, lower=1, overwrite_b=1).T
+                rows = self._tfsm(1.0, factor, cross, uplo="L", overwrite_b=1).T
                 variances[start:stop] -= np.einsum("ij,ij->i", rows, rows)
         floor = variance * float(np.finfo(self._buffer.dtype).eps)
         return means, np.maximum(variances, floor)
 
-    def _square(self) -> np.ndarray:
-        """Return the buffer as a Fortran-ordered square matrix of the size of the data."""
-        n = self.n_data
-        return self._buffer[: n * n].reshape((n, n), order="F")
+    def _packed(self) -> np.ndarray:
+        """Return the part of the buffer that a matrix of the size of the data takes."""
+        return self._buffer[: _packed_size(self.n_data)]
 
     def _solve(self, theta: np.ndarray) -> np.ndarray:
         """Factorise if need be, and return K_y^-1 y."""
@@ -174,8 +173,10 @@ class Likelihood:
             if self.n_data == 0:
                 self._weights = np.empty(0)
             else:
-                weights, _ = self._potrs(self._square(), self._y, lower=1)
-                self._weights = weights.astype(float)
+                weights, _ = self._pftrs(
+                    self.n_data, self._packed(), self._y[:, np.newaxis], uplo="L"
+                )
+                self._weights = weights[:, 0].astype(float)
         return self._weights
 
     def _factorise(self, theta: np.ndarray) -> None:
@@ -186,53 +187,55 @@ class Likelihood:
             if self.jitter == self._configured_jitter and self._grow(theta):
                 return
         self._theta = self._weights = None
-        self._reserve(self.n_data)
+        if self._buffer.size < _packed_size(self.n_data):
+            self._buffer = self._room(self.n_data)
         self.jitter = self._configured_jitter
-        while not self._cholesky(theta):
+        while not self._build_and_factorise(theta):
             self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
         self._theta, self._rows = theta.copy(), self.n_data
 
-    def _cholesky(self, theta: np.ndarray) -> bool:
-        """Build and factorise K_y with the present jitter; tell whether that succeeded."""
-        if self.n_data == 0:
-            return True
+    def _build_and_factorise(self, theta: np.ndarray) -> bool:
+        """Factorise K_y with the present jitter; tell whether that succeeded."""
         variance, rates, noise = _parameters(theta)
-        square = self._square()
-        fill_covariance(self._x, rates, variance, variance + noise + self.jitter, square)
-        _, info = self._potrf(square, lower=1, clean=0, overwrite_a=1)
-        return info == 0 and bool(np.isfinite(np.diagonal(square)).all())
+        packed = self._packed()
+        fill_covariance(self._x, rates, variance, variance + noise + self.jitter, packed)
+        return self._cholesky(self.n_data, packed)
 
     def _grow(self, theta: np.ndarray) -> bool:
         """Append the new data's rows to the factor; tell whether that succeeded."""
         variance, rates, noise = _parameters(theta)
         old, new = self._rows, self.n_data - self._rows
-        x_new = np.ascontiguousarray(self._x[:, old:])
-        left = np.empty((new, old), order="F", dtype=self._buffer.dtype)
-        corner = np.zeros((new, new), order="F", dtype=self._buffer.dtype)
-        fill_cross_covariance(x_new, np.ascontiguousarray(self._x[:, :old]), rates, variance, left)
+        x_old, x_new = np.ascontiguousarray(self._x[:, :old]), self._x[:, old:].copy()
+        dtype = self._buffer.dtype
+        left = np.empty((new, old), order="F", dtype=dtype)
+        corner = np.empty(_packed_size(new), dtype=dtype)
+        fill_cross_covariance(x_new, x_old, rates, variance, left)
         fill_covariance(x_new, rates, variance, variance + noise + self.jitter, corner)
-        if old:
-            factor = self._buffer[: old * old].reshape((old, old), order="F")
-            left = self._trsm(1.0, factor, left, side=1, lower=1, trans_a=1, overwrite_b=1)
-            corner = self._syrk(-1.0, left, beta=1.0, c=corner, lower=1, overwrite_c=1)
-        corner, info = self._potrf(corner, lower=1, clean=0, overwrite_a=1)
-        if info != 0 or not np.isfinite(np.diagonal(corner)).all():
+        factor = self._buffer[: _packed_size(old)]
+        left = self._tfsm(1.0, factor, left, side="R", uplo="L", trans="T", overwrite_b=1)
+        corner = self._sfrk(new, old, -1.0, left, 1.0, corner, uplo="L", overwrite_c=1)
+        if not self._cholesky(new, corner):
             return False
-        self._reserve(self.n_data, keep=old)
-        square = self._square()
-        square[old:, :old] = left
-        square[old:, old:] = corner
-        self._rows, self._weights = self.n_data, None
+        grown = self._room(self.n_data)
+        append_rows(old, factor, left, corner, grown)
+        self._buffer, self._rows, self._weights = grown, self.n_data, None
         return True
 
-    def _reserve(self, n: int, keep: int = 0) -> None:
-        """Make room for an n x n matrix, and move the leading triangle of size ``keep`` there."""
-        source = self._buffer
-        if source.size < n * n:
-            # A quarter more rows than asked for: a mission adds a few at a time.
-            self._buffer = np.empty((n + n // 4) ** 2, dtype=source.dtype)
-        if keep:
-            copy_triangle(keep, source, n, self._buffer)
+    def _cholesky(self, n: int, packed: np.ndarray) -> bool:
+        """Factorise a packed matrix in its place; tell whether that succeeded."""
+        if n == 0:
+            return True
+        _, info = self._pftrf(n, packed, uplo="L", overwrite_a=1)
+        return info == 0 and bool(np.isfinite(diagonal(n, packed)).all())
+
+    def _room(self, n: int) -> np.ndarray:
+        """Allocate for n rows and a quarter more: a mission adds a few at a time."""
+        return np.empty(_packed_size(n + n // 4), dtype=self._buffer.dtype)
+
+
+def _packed_size(n: int) -> int:
+    """Return the number of elements of a packed n x n matrix."""
+    return n * (n + 1) // 2
 
 
 def _parameters(theta: np.ndarray) -> tuple[float, np.ndarray, float]:
