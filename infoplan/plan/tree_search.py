@@ -294,8 +294,8 @@ def expand(
 ) -> int:
     """Drive a random untried action (paper's Expansion).
 
-    Returns the new node, or -1 if no action is left that stays inside. Actions that leave the workspace are struck on the way. The reward of the action is left in
-    ``scratch.reward``.
+    Returns the new node, or -1 if no action is left that stays inside. Actions that leave the
+    workspace are struck on the way. The action's reward is left in ``scratch.reward``.
     """
     while True:
         untried = 0
