@@ -108,9 +108,52 @@ def _audit(arguments: list[str]) -> int:
 
 
 def _terrain(arguments: list[str]) -> int:
-    from infoplan.terrain.command import terrain
+    from infoplan.errors import UsageError
 
-    return terrain(arguments)
+    action, rest = (arguments[0], arguments[1:]) if arguments else ("", [])
+    if action == "list":
+        from infoplan.terrain import TERRAINS
+
+        print("\n".join(f"{name:10} {what}" for name, what in TERRAINS.items()))
+    elif action == "fetch":
+        from infoplan.terrain import fetch_helens
+
+        print(f"helens is at {fetch_helens()}")
+    elif action == "show":
+        return _show_terrain(rest)
+    else:
+        raise UsageError(f"infoplan terrain {action}: say what: use list, show or fetch")
+    return EXIT_OK
+
+
+def _show_terrain(arguments: list[str]) -> int:
+    from pathlib import Path
+
+    from infoplan.draw.terrain_map import describe, draw_terrain
+    from infoplan.overrides import parse
+    from infoplan.terrain import load_terrain
+
+    chosen = parse(
+        "terrain show",
+        arguments,
+        {
+            "terrain": "helens",
+            "terrain.path": None,
+            "terrain.extent": [0.0, 50.0, 0.0, 50.0],
+            "terrain.unit": None,
+            "results_dir": "results",
+        },
+    )
+    terrain = load_terrain(
+        chosen["terrain"],
+        path=chosen["terrain.path"],
+        extent=chosen["terrain.extent"],
+        unit=chosen["terrain.unit"],
+        on_missing="error",
+    )
+    print(describe(terrain))
+    print(f"drawn to {draw_terrain(terrain, Path(chosen['results_dir']) / 'figures')}")
+    return EXIT_OK
 
 
 COMMANDS = {"run": _run, "audit": _audit, "terrain": _terrain}

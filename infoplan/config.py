@@ -59,9 +59,7 @@ def option(
 class TerrainConfig:
     """The ground truth and its workspace."""
 
-    name: str = option(
-        "helens", "which map", choices=("helens", "volcano", "jacksboro", "file")
-    )
+    name: str = option("helens", "which map", choices=("helens", "volcano", "jacksboro", "file"))
     path: str | None = option(None, "a map file, or a folder that holds the named map")
     extent: list[float] = option(
         [0.0, 50.0, 0.0, 50.0], "xmin, xmax, ymin, ymax", unit="workspace units", length=4
@@ -100,7 +98,7 @@ class PlannerConfig:
 class DetectorConfig:
     """What judges the samples."""
 
-    name: str = option("none", "detector", choices=("none", "best", "copod"))
+    name: str = option("none", "detector", choices=("none", "best"))
     scope: str = option(
         "batch", "judge the new batch, or re-judge all data", choices=("batch", "historical")
     )
@@ -132,7 +130,7 @@ class ModelConfig:
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
     pilot_iterations: int = option(500, "optimiser iterations on the pilot data", at_least=0)
-    iterations: int | str = option(
+    iterations: Any = option(  # a union would be right, but OmegaConf 2.3 cannot merge one
         5,
         "optimiser iterations an epoch, or as many as new samples",
         at_least=0,
@@ -256,7 +254,7 @@ def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[s
     value
         Its value.
     metadata : dict
-        What `option` recorded.
+        What `option` recorded, and the ``type``.
     """
     assert is_dataclass(config)
     for item in fields(config):
@@ -264,7 +262,7 @@ def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[s
         if is_dataclass(value):
             yield from options(value, f"{prefix}{item.name}.")
         else:
-            yield prefix + item.name, value, dict(item.metadata)
+            yield prefix + item.name, value, {"type": item.type, **item.metadata}
 
 
 def validate(config: MissionConfig) -> None:
@@ -301,6 +299,9 @@ def validate(config: MissionConfig) -> None:
     ):
         if bounds[0] > bounds[1]:
             raise UsageError(f"{name}={bounds} is the wrong way round: the smaller bound is first")
+    iterations = config.model.iterations
+    if isinstance(iterations, bool) or not isinstance(iterations, int | str):
+        raise UsageError(f"model.iterations={iterations} must be a whole number or per_sample")
     points = config.pilot.control_points
     if len(points) < 2 or any(len(point) != 2 for point in points):
         raise UsageError(
@@ -310,6 +311,25 @@ def validate(config: MissionConfig) -> None:
         seed_list(config.seeds)
         if config.n_jobs == 0:
             raise UsageError("n_jobs=0 runs nothing: give a number of workers, or -1 for all cores")
+
+
+def describe(metadata: dict[str, Any]) -> str:
+    """Say what values an option takes, from the metadata that `options` yields."""
+    kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
+    words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
+    if metadata["choices"]:
+        described = _either(metadata["choices"])
+    elif "list" in str(metadata["type"]):
+        length = metadata["length"]
+        described = f"a list of {length} numbers" if length else "a list"
+    else:
+        described = words.get(kind.split(" | ")[0], "a number or a list")
+    if "None" in str(metadata["type"]):
+        described += " or null"
+    if metadata["bounds"]:
+        described += f", {_bounds(metadata)}"
+    unit = f" in {metadata['unit']}" if metadata["unit"] else ""
+    return f"{described}{unit} ({metadata['doc']})"
 
 
 def seed_list(seeds: Any) -> list[int]:
@@ -337,7 +357,7 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
     choices = metadata["choices"]
     if isinstance(value, str):
         if choices and value not in choices:
-            also = " or a number" if metadata["bounds"] else ""
+            also = " or a whole number" if metadata["bounds"] else ""
             raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
         return
     length = metadata["length"]
@@ -348,9 +368,10 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
             raise UsageError(f"{name}={value} must be finite")
         for relation, bound in metadata["bounds"].items():
             if not _holds(number, relation, bound):
-                unit = f" ({metadata['unit']})" if metadata["unit"] else ""
-                allowed = " and ".join(f"{r} {b:g}" for r, b in metadata["bounds"].items())
-                raise UsageError(f"{name}={value} is out of bounds: it must be {allowed}{unit}")
+                raise UsageError(
+                    f"{name}={value} is out of bounds: it must be {_bounds(metadata)} "
+                    f"({metadata['doc']})"
+                )
 
 
 def _numbers(value: Any) -> Iterator[float]:
@@ -368,6 +389,10 @@ def _holds(number: float, relation: str, bound: float) -> bool:
         "at most": number <= bound,
         "below": number < bound,
     }[relation]
+
+
+def _bounds(metadata: dict[str, Any]) -> str:
+    return " and ".join(f"{relation} {bound:g}" for relation, bound in metadata["bounds"].items())
 
 
 def _either(choices: tuple[str, ...]) -> str:

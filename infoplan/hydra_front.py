@@ -12,6 +12,8 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from types import ModuleType
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
@@ -29,9 +31,10 @@ from infoplan.config import (
     ModelConfig,
     PlannerConfig,
     TerrainConfig,
+    describe,
     options,
 )
-from infoplan.errors import UsageError
+from infoplan.errors import RunError, UsageError
 from infoplan.wording import suggest
 
 SCHEMAS: dict[str, dict[str, Any]] = {
@@ -52,8 +55,8 @@ FLAGS_WITH_VALUE = ("-c", "--cfg", "-p", "--package", "-cp", "--config-path", "-
                     "-cd", "--config-dir", "--experimental-rerun")  # fmt: skip
 INFO_CHOICES = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 
-_statuses: list[int] = []
-"""Exit status of each study of this process: Hydra keeps what a job returns to itself."""
+_statuses: list[int | Exception] = []
+"""Exit status or error of each study: Hydra keeps what a job returns or raises to itself."""
 
 
 def run(arguments: list[str]) -> int:
@@ -72,7 +75,10 @@ def run(arguments: list[str]) -> int:
         except SystemExit as stop:
             # argparse has said what is wrong; Hydra's own pages end with 0.
             return int(stop.code or 0)
-    return max(_statuses, default=0)
+    for status in _statuses:
+        if isinstance(status, Exception):
+            raise status
+    return max((status for status in _statuses if isinstance(status, int)), default=0)
 
 
 def complete(arguments: list[str]) -> int:
@@ -93,17 +99,24 @@ def complete(arguments: list[str]) -> int:
 
 
 def register() -> None:
-    """Register schemas and launcher with Hydra, in this process only."""
+    """Register schemas and launcher with Hydra, in this process only.
+
+    Hydra takes plugins from the package ``hydra_plugins`` only, and a real module there would load
+    into every Hydra application of the environment: this module goes by such a name here instead.
+    """
+    plugins = Plugins.instance()
+    package = sys.modules.setdefault("hydra_plugins", ModuleType("hydra_plugins"))
+    package.infoplan = sys.modules[__name__]  # type: ignore[attr-defined]
+    PoolLauncher.__module__ = "hydra_plugins.infoplan"
+    plugins.register(PoolLauncher)
     store = ConfigStore.instance()
-    base = OmegaConf.structured(Config)
     for group, choices in SCHEMAS.items():
-        base[group] = MISSING
         for name, schema in choices.items():
             store.store(group=f"schema/{group}", name=name, node=schema, provider="infoplan")
+    base = Config(planner=MISSING, detector=MISSING, terrain=MISSING, model=MISSING)
     store.store(name="base_config", node=base, provider="infoplan")
-    target = f"{PoolLauncher.__module__}.{PoolLauncher.__qualname__}"
+    target = "hydra_plugins.infoplan.PoolLauncher"
     store.store(group="hydra/launcher", name="infoplan", node={"_target_": target})
-    Plugins.instance().register(PoolLauncher)
 
 
 def sort_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
@@ -165,7 +178,6 @@ def explain(error: BaseException) -> str:
     while (cause := chain[-1].__cause__ or chain[-1].__context__) is not None:
         chain.append(cause)
     text = "\n".join(str(link) for link in chain)
-    known = [name for name, _, _ in options(Config())]
     if match := re.search(r"Could not find '([^'/]+)/([^']*)'", text):
         group, choice = match[1], match[2]
         available = re.search(r"Available options in [^\n]*\n((?:\s+\S+\n?)+)", text)
@@ -175,18 +187,27 @@ def explain(error: BaseException) -> str:
             f"{group}= takes {', '.join(choices)}"
         )
     if match := re.search(r"Could not override '([^']+)'", text):
-        key = match[1]
-        return (
-            f"there is no option {key!r}{suggest(key, [*known, *SCHEMAS, 'experiment'])}: "
-            "infoplan run --help lists all, --cfg job those of this configuration"
-        )
-    if match := re.search(r"Error merging override (\S+)", text):
-        reason = next((str(link) for link in reversed(chain) if str(link)), "").splitlines()[0]
-        return f"{match[1]} is not a value of that option: {reason}"
-    if match := re.search(r"Could not override '?([^\s']+)", text):
-        return f"{match[1]} cannot be overridden here: {text.splitlines()[0]}"
+        return _no_option(match[1], Config())
+    if match := re.search(r"Error merging override ([^=\s]+)=(\S*)", text):
+        name, value = match[1].lstrip("+~"), match[2]
+        known = {option_name: metadata for option_name, _, metadata in options(Config())}
+        if name in known:
+            return f"{name}={value} is not possible: {name} must be {describe(known[name])}"
     first = next(line for line in text.splitlines() if line.strip())
     return f"the command line cannot be read: {first}"
+
+
+def _no_option(name: str, config: Config) -> str:
+    known = [option_name for option_name, _, _ in options(config)]
+    if name in known:
+        group = name.split(".")[0]
+        return (
+            f"the chosen {group} has no option {name!r}: infoplan run --cfg job shows what it has"
+        )
+    return (
+        f"there is no option {name!r}{suggest(name, [*known, *SCHEMAS, 'experiment'])}: "
+        "infoplan run --help lists all"
+    )
 
 
 def _task(composed: DictConfig) -> float:
@@ -195,15 +216,17 @@ def _task(composed: DictConfig) -> float:
 
 def _study(composed: Sequence[DictConfig]) -> list[float]:
     """Run configurations as one study; return the mean final RMSE of each, for sweepers."""
-    from rich.console import Console
-
     from infoplan.study.runner import run_study
-    from infoplan.study.summary import final_rmse, print_summary
+    from infoplan.study.summary import final_rmse, print_summary, wide_console
 
-    configs = [_to_config(config) for config in composed]
-    console = Console(highlight=False)
-    study = run_study(configs, console)
-    print_summary(study, console)
+    try:
+        configs = [_to_config(config) for config in composed]
+        console = wide_console()
+        study = run_study(configs, console)
+        print_summary(study, console)
+    except (UsageError, RunError) as error:
+        _statuses.append(error)
+        return [float("nan")] * len(composed)
     _statuses.append(1 if study.failed else 0)
     return final_rmse(study)
 
@@ -211,7 +234,19 @@ def _study(composed: Sequence[DictConfig]) -> list[float]:
 def _to_config(composed: DictConfig) -> Config:
     config = OmegaConf.to_object(composed)
     assert isinstance(config, Config)
+    for name in _added_keys(config):
+        raise UsageError(_no_option(name, config))
     return config
+
+
+def _added_keys(config: object, prefix: str = "") -> Iterator[str]:
+    """Names that ``+name=value`` has added: Hydra lets them through, infoplan would ignore them."""
+    known = {item.name for item in fields(config)}  # type: ignore[arg-type]
+    for name, value in vars(config).items():
+        if name not in known:
+            yield prefix + name
+        elif is_dataclass(value):
+            yield from _added_keys(value, f"{prefix}{name}.")
 
 
 @contextmanager

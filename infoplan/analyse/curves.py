@@ -13,9 +13,7 @@ def load_curve(results_dir: Path, run: str, seed: int) -> pd.DataFrame:
                            partitioning=None)  # fmt: skip
 
 
-def value_at(
-    curve: pd.DataFrame, samples: ArrayLike, column: str = "rmse"
-) -> NDArray[np.float64]:
+def value_at(curve: pd.DataFrame, samples: ArrayLike, column: str = "rmse") -> NDArray[np.float64]:
     """Value of a curve after given numbers of collected samples, linear between epochs.
 
     Parameters

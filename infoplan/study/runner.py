@@ -212,9 +212,7 @@ def fly_all(tasks: list[Task], study: Study, n_jobs: int, console: Console) -> N
             footer = outcome.footer | {"command": sys.orig_argv, "git": git_state()}
             save_mission(study.results_dir, task.run, task.seed, outcome.tables, footer)
             study.computed += 1
-            display.finish(
-                task.number, outcome.seconds, outcome.tables.curves["rmse"][-1].as_py()
-            )
+            display.finish(task.number, outcome.seconds, outcome.tables.curves["rmse"][-1].as_py())
 
 
 def _outcomes(tasks: list[Task], n_jobs: int, address: Address) -> Iterator[Outcome]:

@@ -200,5 +200,3 @@ def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
-
-

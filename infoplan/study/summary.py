@@ -13,13 +13,19 @@ from infoplan.study.runner import Study
 from infoplan.study.store import is_done
 
 
+def wide_console() -> Console:
+    """Return the console of a run; without a terminal its lines are not cut at 80 characters."""
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=120)
+
+
 def print_summary(study: Study, console: Console) -> None:
     """Print RMSE along the budget, detector quality and time of every run of a study."""
     runs = [(run, _curves(study, run, seeds)) for run, seeds in study.runs]
     for budget in sorted({run.config.budget for run, _ in runs}):
         chosen = [(run, curves) for run, curves in runs if run.config.budget == budget and curves]
         if chosen:
-            console.print(_table(chosen, budget), soft_wrap=not console.is_terminal)
+            console.print(_table(chosen, budget))
     for label, failure in study.failed:
         console.print(f"FAILED {label}\n{failure.rstrip()}", style="red", soft_wrap=True,
                       markup=False)  # fmt: skip
@@ -55,7 +61,7 @@ def _table(runs: list[tuple[Run, list[pd.DataFrame]]], budget: int) -> Table:
         box=box.SIMPLE,
         title_justify="left",
     )
-    table.add_column("run", overflow="fold")
+    table.add_column("run", no_wrap=True)
     table.add_column("seeds", justify="right")
     for samples in milestones:
         table.add_column(f"at {samples}", justify="right")
@@ -67,7 +73,7 @@ def _table(runs: list[tuple[Run, list[pd.DataFrame]]], budget: int) -> Table:
                       for key in ("tp", "fp", "fn"))  # fmt: skip
         seconds = [curve.filter(like="_seconds").to_numpy().sum() for curve in curves]
         table.add_row(
-            run.name,
+            _label(run),
             str(len(curves)),
             *(_show(bootstrap_mean(column)) for column in errors.T),
             _ratio(tp, tp + fp),
@@ -76,6 +82,14 @@ def _table(runs: list[tuple[Run, list[pd.DataFrame]]], budget: int) -> Table:
             f"{np.mean(seconds):.1f}",
         )
     return table
+
+
+def _label(run: Run) -> str:
+    config = run.config
+    return (
+        f"{config.planner.name} {config.detector.name} {config.detector.scope}\n"
+        f"{run.terrain.name} rho {config.rho:g}\n{run.name.rsplit('-', 1)[1]}"
+    )
 
 
 def _counted(run: Run, curve: pd.DataFrame, key: str) -> int:
@@ -89,7 +103,7 @@ def _show(interval: Interval) -> str:
         return ""
     if np.isnan(interval.low):
         return f"{interval.mean:.0f}"
-    return f"{interval.mean:.0f} [{interval.low:.0f}, {interval.high:.0f}]"
+    return f"{interval.mean:.0f}\n[{interval.low:.0f}, {interval.high:.0f}]"
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> str:

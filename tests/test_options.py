@@ -1,0 +1,168 @@
+"""Every option exists under its name, has its default, and changes a mission."""
+
+import copy
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from infoplan.config import Config, CopodConfig, TerrainConfig, options
+from infoplan.mission import Mission
+from infoplan.terrain import load_terrain
+
+DEFAULTS = {
+    "terrain.name": "helens",
+    "terrain.extent": [0, 50, 0, 50],
+    "grid": [50, 50],
+    "robot.speed": 0.7,
+    "robot.samples_per_action": 10,
+    "robot.max_steering": 0.15,
+    "robot.steering_angles": 5,
+    "sensor.noise_std": 1.0,
+    "pilot.samples": 100,
+    "pilot.outliers": False,
+    "model.amplitude": 1.0,
+    "model.lengthscale": 0.5,
+    "model.noise_variance": 1.0,
+    "model.jitter": 1e-6,
+    "model.optimizer": "adam",
+    "model.learning_rate": 0.01,
+    "model.pilot_iterations": 500,
+    "model.iterations": 5,
+    "model.min_noise_variance": 1e-4,
+    "planner.noisy_std": False,
+    "planner.iterations": 500,
+    "planner.rollouts": 5,
+    "planner.exploration": 0.3,
+    "planner.execute_actions": None,
+    "planner.smoothing": 2.0,
+    "outliers.count": "round",
+    "outliers.amplitude": [1, 2],
+    "outliers.quantiles": [0.05, 0.95],
+    "detector.contamination": 0.1,
+    "detector.score": "pyod",
+    "detector.scope": "batch",
+    "budget": 2000,
+    "seeds": 10,
+    "rho": 0.1,
+}
+
+CHANGES = {
+    "terrain.extent": [0.0, 60.0, 0.0, 40.0],
+    "grid": [14, 11],
+    "robot.speed": 0.5,
+    "robot.samples_per_action": 7,
+    "robot.max_steering": 0.2,
+    "robot.steering_angles": 3,
+    "sensor.noise_std": 5.0,
+    "pilot.samples": 90,
+    "pilot.outliers": True,
+    "pilot.control_points": [[0.1, 0.1], [0.9, 0.2], [0.5, 0.9]],
+    "model.amplitude": 2.0,
+    "model.lengthscale": 0.3,
+    "model.noise_variance": 0.1,
+    "model.jitter": 1e-4,
+    "model.optimizer": "lbfgs",
+    "model.learning_rate": 0.05,
+    "model.pilot_iterations": 10,
+    "model.iterations": "per_sample",
+    "model.min_noise_variance": 0.9,
+    "model.dtype": "float32",
+    "planner.name": "uct",
+    "planner.noisy_std": True,
+    "planner.iterations": 60,
+    "planner.rollouts": 1,
+    "planner.exploration": 2.0,
+    "planner.execute_actions": 1,
+    "planner.smoothing": 6.0,
+    "outliers.count": "bernoulli",
+    "outliers.amplitude": [3.0, 4.0],
+    "outliers.quantiles": [0.25, 0.75],
+    "detector.contamination": 0.3,
+    "detector.score": "paper",
+    "detector.scope": "historical",
+    "budget": 210,
+    "rho": 0.4,
+}
+
+NOT_SCIENCE = {"seeds", "n_jobs", "backend", "results_dir", "resume"}
+
+
+def base() -> Config:
+    config = Config(budget=220, grid=[12, 12], rho=0.15, terrain=TerrainConfig(name="volcano"))
+    config.planner = replace(config.planner, iterations=40)
+    config.model = replace(config.model, pilot_iterations=30, iterations=3)
+    config.detector = CopodConfig()
+    return config
+
+
+def changed(config: Config, name: str, value: object) -> Config:
+    config = copy.deepcopy(config)
+    owner = config
+    *groups, last = name.split(".")
+    for group in groups:
+        owner = getattr(owner, group)
+    assert hasattr(owner, last)
+    setattr(owner, last, value)
+    return config
+
+
+def numbers(config: Config) -> list[np.ndarray]:
+    terrain = load_terrain(config.terrain.name, extent=tuple(config.terrain.extent))
+    mission = Mission(config, terrain, seed=3)
+    curve = [(row.rmse, row.nlpd, row.lml, row.tp, row.fp) for row in mission.run()]
+    samples = mission.samples
+    return [np.array(curve), samples.x, samples.measured, samples.flagged,
+            mission.outlier_density()]  # fmt: skip
+
+
+@cache
+def base_numbers() -> tuple[np.ndarray, ...]:
+    return tuple(numbers(base()))
+
+
+def test_defaults_are_the_documented_ones():
+    found = {name: value for name, value, _ in options(Config())}
+    for name, value in DEFAULTS.items():
+        assert found[name] == value, name
+
+
+def test_every_scientific_option_is_tried_here():
+    names = {name for name, _, _ in options(Config())} - NOT_SCIENCE
+    names -= {"terrain.name", "terrain.path", "terrain.unit", "terrain.on_missing"}
+    names -= {"detector.name", "model.name"}
+    assert names == set(CHANGES)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_option_changes_the_mission(name):
+    before, after = base_numbers(), numbers(changed(base(), name, CHANGES[name]))
+    assert any(
+        one.shape != other.shape or not np.array_equal(one, other)
+        for one, other in zip(before, after, strict=True)
+    )
+
+
+@pytest.mark.parametrize("rule", ["floor", "round"])
+def test_floor_gives_short_batches_no_spikes(rule):
+    config = changed(changed(base(), "outliers.count", rule), "rho", 0.06)
+    mission = Mission(changed(config, "planner.execute_actions", 1), load_terrain("volcano"), 0)
+    for _ in mission.run():
+        pass
+    assert mission.samples.is_outlier.any() == (rule == "round")
+
+
+def test_two_missions_with_one_seed_share_their_noise():
+    missions = []
+    for planner in ("uct", "puct"):
+        mission = Mission(changed(base(), "planner.name", planner), load_terrain("volcano"), 5)
+        for _ in mission.run():
+            pass
+        missions.append(mission.samples)
+    noise = [(s.measured - s.truth)[:100] for s in missions]
+    np.testing.assert_array_equal(*noise)
+    clean = ~(missions[0].is_outlier | missions[1].is_outlier)
+    np.testing.assert_allclose(
+        *[(s.measured - s.truth)[clean] for s in missions], rtol=0, atol=1e-8
+    )
