@@ -1,0 +1,134 @@
+"""The record of a terrain, and its elevation between the nodes."""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from infoplan.errors import UsageError
+
+Floats = NDArray[np.float64]
+Extent = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Elevations over a rectangular workspace.
+
+    Node (i, j) of the R x C array lies at y = ymin + i (ymax - ymin) / (R - 1),
+    x = xmin + j (xmax - xmin) / (C - 1): the first row is the lower border, the first column the
+    left one.
+
+    Attributes
+    ----------
+    name
+        The map: ``helens``, ``volcano``, ``jacksboro``, or ``file-`` and the file's name.
+    elevation
+        Shape (R, C), a read-only copy of what was given.
+    extent
+        xmin, xmax, ymin, ymax, workspace units.
+    unit
+        Unit of the elevations.
+    sha256
+        Digest of the map's bytes: the file's, or those of a built-in surface's array.
+
+    Raises
+    ------
+    UsageError
+        If the extent is not four finite numbers with xmin < xmax and ymin < ymax.
+    """
+
+    name: str
+    elevation: Floats
+    extent: Extent
+    unit: str
+    sha256: str
+
+    def __post_init__(self) -> None:
+        elevation = np.array(self.elevation, dtype=np.float64, order="C")
+        elevation.setflags(write=False)
+        object.__setattr__(self, "elevation", elevation)
+        object.__setattr__(self, "extent", checked_extent(self.extent))
+
+    def elevation_at(self, x1: ArrayLike, x2: ArrayLike) -> Floats:
+        """Elevation by bilinear interpolation between the nodes.
+
+        Parameters
+        ----------
+        x1, x2
+            x and y of the locations, workspace units, of shapes that broadcast; the border belongs
+            to the terrain.
+
+        Returns
+        -------
+        ndarray
+            Elevations in the terrain's unit, of the broadcast shape.
+
+        Raises
+        ------
+        ValueError
+            If a location lies outside the extent by more than rounding.
+        """
+        xmin, xmax, ymin, ymax = self.extent
+        j, along_x = _cell(x1, xmin, xmax, self.elevation.shape[1])
+        i, along_y = _cell(x2, ymin, ymax, self.elevation.shape[0])
+        z = self.elevation
+        lower = z[i, j] * (1 - along_x) + z[i, j + 1] * along_x
+        upper = z[i + 1, j] * (1 - along_x) + z[i + 1, j + 1] * along_x
+        return np.asarray(lower * (1 - along_y) + upper * along_y)
+
+    def query_grid(self, shape: tuple[int, int]) -> Floats:
+        """Nodes of an even grid over the workspace, borders included.
+
+        Parameters
+        ----------
+        shape
+            Number of rows along y and of columns along x, at least 2 each.
+
+        Returns
+        -------
+        ndarray, shape (rows * columns, 2)
+            x and y, row-major: x runs fastest.
+        """
+        rows, columns = shape
+        xmin, xmax, ymin, ymax = self.extent
+        y, x = np.meshgrid(
+            np.linspace(ymin, ymax, rows), np.linspace(xmin, xmax, columns), indexing="ij"
+        )
+        return np.column_stack([x.ravel(), y.ravel()])
+
+
+def checked_extent(extent: Sequence[float]) -> Extent:
+    """Return a workspace's xmin, xmax, ymin, ymax as floats, or raise a `UsageError`."""
+    try:
+        xmin, xmax, ymin, ymax = (float(bound) for bound in extent)
+    except (TypeError, ValueError):
+        xmin = xmax = ymin = ymax = math.nan
+    if not (-math.inf < xmin < xmax < math.inf and -math.inf < ymin < ymax < math.inf):
+        raise UsageError(
+            f"terrain.extent={extent} is no workspace: give [xmin,xmax,ymin,ymax], four finite "
+            "numbers with xmin < xmax and ymin < ymax"
+        )
+    return xmin, xmax, ymin, ymax
+
+
+def array_digest(elevation: Floats) -> str:
+    """SHA-256 of an array's elevations as little-endian doubles in C order."""
+    return hashlib.sha256(np.ascontiguousarray(elevation, dtype="<f8").tobytes()).hexdigest()
+
+
+def _cell(
+    position: ArrayLike, low: float, high: float, nodes: int
+) -> tuple[NDArray[np.intp], Floats]:
+    """Find along one axis the node before each position, and how far it is to the next, 0 to 1."""
+    position = np.asarray(position, dtype=np.float64)
+    tolerance = 1e-9 * (high - low)
+    # Written so that NaN counts as outside.
+    if not np.all((position >= low - tolerance) & (position <= high + tolerance)):
+        raise ValueError(f"a location lies outside the terrain, which ends at {low:g} and {high:g}")
+    steps = np.clip((position - low) / (high - low), 0.0, 1.0) * (nodes - 1)
+    before = np.minimum(steps.astype(np.intp), nodes - 2)
+    return before, steps - before
