@@ -120,21 +120,20 @@ def fill_cross_covariance(
 
     Parameters
     ----------
-    a, b : ndarrays of shape (2, n) and (2, m)
+    a, b : ndarrays of shape (2, m) and (2, n)
         Inputs.
     rates : ndarray of shape (2,)
         1 / (2 l_d^2).
     variance : float
         alpha^2.
-    out : ndarray of shape (n, m), Fortran order
+    out : ndarray of shape (m, n)
         Overwritten.
     """
-    a1, a2 = a[0], a[1]
-    n = a1.size
-    for j in range(b.shape[1]):
-        for i in range(n):
-            d1 = a1[i] - b[0, j]
-            d2 = a2[i] - b[1, j]
+    b1, b2 = b[0], b[1]
+    for i in range(a.shape[1]):
+        for j in range(b1.size):
+            d1 = a[0, i] - b1[j]
+            d2 = a[1, i] - b2[j]
             out[i, j] = variance * _correlation(-(rates[0] * d1 * d1 + rates[1] * d2 * d2))
 
 
@@ -195,7 +194,7 @@ def diagonal(n: int, packed: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def append_rows(
-    old: int, factor: np.ndarray, left: np.ndarray, corner: np.ndarray, out: np.ndarray
+    old: int, factor: np.ndarray, above: np.ndarray, corner: np.ndarray, out: np.ndarray
 ) -> None:
     """Write a triangular matrix whose last rows are new.
 
@@ -205,20 +204,20 @@ def append_rows(
         Size of the matrix before.
     factor : ndarray of shape (>= old (old + 1) / 2,), packed
         Its first rows.
-    left : ndarray of shape (new, old), Fortran order
-        The new rows left of the old size.
+    above : ndarray of shape (old, new)
+        The new rows up to the old size, transposed.
     corner : ndarray of shape (new (new + 1) / 2,), packed
-        The new rows right of it.
+        The new rows after it.
     out : ndarray of shape (>= n (n + 1) / 2,), packed, n = old + new
         Overwritten.
     """
-    new = left.shape[0]
+    new = above.shape[1]
     n = old + new
     for j in range(old):
         for i in range(j, old):
             out[position(i, j, n)] = factor[position(i, j, old)]
         for i in range(new):
-            out[position(old + i, j, n)] = left[i, j]
+            out[position(old + i, j, n)] = above[j, i]
     for j in range(new):
         for i in range(j, new):
             out[position(old + i, old + j, n)] = corner[position(i, j, new)]

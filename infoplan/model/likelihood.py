@@ -90,11 +90,9 @@ class Likelihood:
         """
         weights = self._solve(theta)
         log_diagonal = np.log(diagonal(self.n_data, self._packed()))
-        return float(
-            -0.5 * (self._y @ weights)
-            - log_diagonal.sum()
-            - 0.5 * self.n_data * np.log(2.0 * np.pi)
-        )
+        with np.errstate(over="ignore"):  # huge data: minus infinity, which no optimiser takes
+            misfit = 0.5 * (self._y @ weights)
+        return float(-misfit - log_diagonal.sum() - 0.5 * self.n_data * np.log(2.0 * np.pi))
 
     def value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
         """Log marginal likelihood and its gradient (Rasmussen & Williams, eq. 5.9).
@@ -148,17 +146,15 @@ class Likelihood:
         if self.n_data:
             weights = self._solve(theta).astype(self._buffer.dtype)
             factor = self._packed()
-            scratch = np.empty(self.n_data * min(_BLOCK, x.shape[1]), dtype=self._buffer.dtype)
+            scratch = np.empty((min(_BLOCK, x.shape[1]), self.n_data), dtype=self._buffer.dtype)
             for start in range(0, x.shape[1], _BLOCK):
-                part = x[:, start : start + _BLOCK]
-                stop = start + part.shape[1]
-                cross = scratch[: self.n_data * part.shape[1]].reshape(
-                    (self.n_data, part.shape[1]), order="F"
-                )
-                fill_cross_covariance(self._x, part, rates, variance, cross)
-                means[start:stop] = weights @ cross
-                rows = self._tfsm(1.0, factor, cross, uplo="L", overwrite_b=1).T
-                variances[start:stop] -= np.einsum("ij,ij->i", rows, rows)
+                part = np.ascontiguousarray(x[:, start : start + _BLOCK])
+                block = slice(start, start + part.shape[1])
+                cross = scratch[: part.shape[1]]
+                fill_cross_covariance(part, self._x, rates, variance, cross)
+                means[block] = cross @ weights
+                solved = self._tfsm(1.0, factor, cross.T, uplo="L", overwrite_b=1).T
+                variances[block] -= np.einsum("ij,ij->i", solved, solved)
         floor = variance * float(np.finfo(self._buffer.dtype).eps)
         return means, np.maximum(variances, floor)
 
@@ -188,7 +184,7 @@ class Likelihood:
                 return
         self._theta = self._weights = None
         if self._buffer.size < _packed_size(self.n_data):
-            self._buffer = self._room(self.n_data)
+            self._buffer = np.empty(_packed_size(self.n_data), dtype=self._buffer.dtype)
         self.jitter = self._configured_jitter
         while not self._build_and_factorise(theta):
             self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
@@ -207,17 +203,17 @@ class Likelihood:
         old, new = self._rows, self.n_data - self._rows
         x_old, x_new = np.ascontiguousarray(self._x[:, :old]), self._x[:, old:].copy()
         dtype = self._buffer.dtype
-        left = np.empty((new, old), order="F", dtype=dtype)
+        above = np.empty((old, new), dtype=dtype)
         corner = np.empty(_packed_size(new), dtype=dtype)
-        fill_cross_covariance(x_new, x_old, rates, variance, left)
+        fill_cross_covariance(x_old, x_new, rates, variance, above)
         fill_covariance(x_new, rates, variance, variance + noise + self.jitter, corner)
         factor = self._buffer[: _packed_size(old)]
-        left = self._tfsm(1.0, factor, left, side="R", uplo="L", trans="T", overwrite_b=1)
+        left = self._tfsm(1.0, factor, above.T, side="R", uplo="L", trans="T", overwrite_b=1)
         corner = self._sfrk(new, old, -1.0, left, 1.0, corner, uplo="L", overwrite_c=1)
         if not self._cholesky(new, corner):
             return False
-        grown = self._room(self.n_data)
-        append_rows(old, factor, left, corner, grown)
+        grown = np.empty(_packed_size(self.n_data), dtype=dtype)
+        append_rows(old, factor, left.T, corner, grown)
         self._buffer, self._rows, self._weights = grown, self.n_data, None
         return True
 
@@ -227,10 +223,6 @@ class Likelihood:
             return True
         _, info = self._pftrf(n, packed, uplo="L", overwrite_a=1)
         return info == 0 and bool(np.isfinite(diagonal(n, packed)).all())
-
-    def _room(self, n: int) -> np.ndarray:
-        """Allocate for n rows and a quarter more: a mission adds a few at a time."""
-        return np.empty(_packed_size(n + n // 4), dtype=self._buffer.dtype)
 
 
 def _packed_size(n: int) -> int:

@@ -11,6 +11,8 @@ Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray]]
 # Wide enough for any sensible model; inside, every entry of the covariance is a normal float.
 _SMALLEST, _LARGEST = 1e-6, 1e6
 _SMALLEST_NOISE, _LARGEST_NOISE = 1e-20, 1e12
+# Logarithm of the largest lengthscale that L-BFGS visits.
+_FLAT = np.log(10.0)
 
 
 def bounds(min_noise_variance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -29,6 +31,12 @@ def bounds(min_noise_variance: float) -> tuple[np.ndarray, np.ndarray]:
     lower = [_SMALLEST, _SMALLEST, _SMALLEST, max(min_noise_variance, _SMALLEST_NOISE)]
     upper = [_LARGEST, _LARGEST, _LARGEST, _LARGEST_NOISE]
     return np.log(lower), np.log(upper)
+
+
+def _is_usable(value: float, gradient: np.ndarray) -> bool:
+    """Tell whether the value and the squares of the gradient are finite."""
+    with np.errstate(over="ignore"):
+        return bool(np.isfinite(value) and np.isfinite(gradient @ gradient))
 
 
 class Adam:
@@ -72,12 +80,15 @@ class Adam:
         Returns
         -------
         ndarray of shape (4,)
-            Theta after the last step. A gradient that is not finite ends the ascent before it.
+            Theta after the last step. A value or gradient that is not finite ends the ascent at
+            the last theta where they were finite.
         """
+        usable = theta
         for _ in range(iterations):
-            _, gradient = evaluate(theta)
-            if not np.isfinite(gradient).all():
-                break
+            value, gradient = evaluate(theta)
+            if not _is_usable(value, gradient):
+                return usable
+            usable = theta
             self._steps += 1
             self._mean = self.beta1 * self._mean + (1.0 - self.beta1) * gradient
             self._square = self.beta2 * self._square + (1.0 - self.beta2) * gradient**2
@@ -88,12 +99,21 @@ class Adam:
         return theta
 
 
-class _BudgetSpentError(Exception):
+class _SpentError(Exception):
     """Leaves the minimiser when its evaluations are used up."""
 
 
 class Lbfgs:
-    """SciPy's L-BFGS-B under a hard limit of evaluations."""
+    """SciPy's L-BFGS-B with a hard limit of evaluations, in variables of comparable curvature.
+
+    Each call minimises over theta divided by the square roots of the diagonal of the inverse
+    Hessian that the calls before have seen, so that the first step of an epoch has the right
+    length. Lengthscales stay within 10 scaled units (five times the pilot's bounding box): beyond,
+    the likelihood is flat to rounding, and a long step would never come back.
+    """
+
+    def __init__(self) -> None:
+        self._scale = np.ones(4)
 
     def ascend(
         self,
@@ -112,36 +132,56 @@ class Lbfgs:
         theta : ndarray of shape (4,)
             Where to start; clipped to the bounds.
         iterations : int
-            Most evaluations of the likelihood and its gradient.
+            Most evaluations of the likelihood and its gradient. Fewer are made once it converges.
         lower, upper : ndarrays of shape (4,)
             Bounds.
 
         Returns
         -------
         ndarray of shape (4,)
-            The best theta evaluated.
+            The best theta evaluated. A value or gradient that is not finite ends the ascent.
         """
-        best_value, best = -np.inf, theta
-        evaluations = 0
+        upper = np.minimum(upper, [np.inf, _FLAT, _FLAT, np.inf])
+        scale = self._scale
+        seen: list[tuple[float, np.ndarray, np.ndarray]] = []
 
-        def objective(candidate: np.ndarray) -> tuple[float, np.ndarray]:
-            nonlocal best_value, best, evaluations
-            if evaluations == iterations:
-                raise _BudgetSpentError
-            evaluations += 1
+        def objective(scaled: np.ndarray) -> tuple[float, np.ndarray]:
+            if len(seen) == iterations:
+                raise _SpentError
+            candidate = np.clip(scaled * scale, lower, upper)
             value, gradient = evaluate(candidate)
-            if not (np.isfinite(value) and np.isfinite(gradient).all()):
-                raise _BudgetSpentError
-            if value > best_value:
-                best_value, best = value, candidate.copy()
-            return -value, -gradient
+            if not _is_usable(value, gradient):
+                raise _SpentError
+            seen.append((value, candidate, gradient))
+            return -value, -gradient * scale
 
-        with suppress(_BudgetSpentError):
+        with suppress(_SpentError):
             minimize(
                 objective,
-                np.clip(theta, lower, upper),
+                np.clip(theta, lower, upper) / scale,
                 jac=True,
                 method="L-BFGS-B",
-                bounds=np.column_stack([lower, upper]),
+                bounds=np.column_stack([lower, upper]) / scale[:, np.newaxis],
             )
-        return best
+        if not seen:
+            return theta
+        self._scale = _curvature_scale(scale, [s[1] for s in seen], [s[2] for s in seen])
+        return max(seen, key=lambda s: s[0])[1]
+
+
+def _curvature_scale(
+    scale: np.ndarray, points: list[np.ndarray], gradients: list[np.ndarray]
+) -> np.ndarray:
+    """Update the square roots of the diagonal of the inverse Hessian of minus the likelihood.
+
+    BFGS (Nocedal and Wright 2006, eq. 6.17) over successive points, those of negative curvature
+    left out, from the diagonal known before.
+    """
+    inverse = np.diag(scale**2)
+    for k in range(1, len(points)):
+        step, change = points[k] - points[k - 1], gradients[k - 1] - gradients[k]
+        curvature = step @ change
+        if curvature > 1e-10 * np.linalg.norm(step) * np.linalg.norm(change):
+            left = np.eye(4) - np.outer(step, change) / curvature
+            inverse = left @ inverse @ left.T + np.outer(step, step) / curvature
+    return np.clip(np.sqrt(np.diag(inverse)), 1e-3, 10.0)

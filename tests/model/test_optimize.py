@@ -1,0 +1,93 @@
+"""The optimisers on functions whose maximum is known."""
+
+import numpy as np
+import pytest
+
+from infoplan.model.optimize import Adam, Lbfgs, bounds
+
+LOWER, UPPER = bounds(1e-4)
+PEAK = np.array([0.3, -1.0, 0.5, -2.0])
+
+
+class Counted:
+    """A concave function of very different curvatures that counts its evaluations."""
+
+    curvature = np.array([1.0, 300.0, 20.0, 5.0])
+
+    def __init__(self):
+        self.points = []
+
+    def __call__(self, theta):
+        self.points.append(theta.copy())
+        away = theta - PEAK
+        return -0.5 * away @ (self.curvature * away), -self.curvature * away
+
+
+@pytest.mark.parametrize("iterations", [0, 1, 4])
+def test_number_of_evaluations(iterations):
+    for optimizer in (Adam(0.01), Lbfgs()):
+        f = Counted()
+        optimizer.ascend(f, np.zeros(4), iterations, LOWER, UPPER)
+        assert len(f.points) == iterations
+
+
+def test_both_find_the_maximum_and_stay_within_bounds():
+    for optimizer, iterations in ((Adam(0.05), 2000), (Lbfgs(), 60)):
+        f = Counted()
+        theta = optimizer.ascend(f, np.zeros(4), iterations, LOWER, UPPER)
+        np.testing.assert_allclose(theta, PEAK, atol=1e-4)
+        assert (np.array(f.points) >= LOWER).all()
+        assert (np.array(f.points) <= UPPER).all()
+
+
+def test_a_maximum_beyond_the_bounds_is_met_at_the_bound():
+    lower = LOWER.copy()
+    lower[3] = -1.5
+    for optimizer, iterations in ((Adam(0.05), 2000), (Lbfgs(), 60)):
+        theta = optimizer.ascend(Counted(), np.zeros(4), iterations, lower, UPPER)
+        assert theta[3] == -1.5
+        np.testing.assert_allclose(theta[:3], PEAK[:3], atol=1e-4)
+
+
+def test_lbfgs_returns_the_best_point_it_evaluated():
+    for iterations in range(1, 12):
+        f = Counted()
+        theta = Lbfgs().ascend(f, np.zeros(4), iterations, LOWER, UPPER)
+        values = [f(point)[0] for point in list(f.points)]
+        assert f(theta)[0] == max(values)
+
+
+def test_lbfgs_keeps_the_curvature_of_earlier_calls():
+    optimizer = Lbfgs()
+    optimizer.ascend(Counted(), np.zeros(4), 60, LOWER, UPPER)
+    start = PEAK + np.array([0.5, -0.4, 0.3, 0.6])
+    warm, cold = Counted(), Counted()
+    optimizer.ascend(warm, start, 60, LOWER, UPPER)
+    Lbfgs().ascend(cold, start, 60, LOWER, UPPER)
+    assert len(warm.points) < len(cold.points)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_never_taken(bad):
+    def broken(theta):
+        f = Counted()
+        value, gradient = f(theta)
+        return (value, gradient) if abs(theta).max() < 0.05 else (bad, gradient * bad)
+
+    for optimizer in (Adam(0.02), Lbfgs()):
+        theta = optimizer.ascend(broken, np.zeros(4), 30, LOWER, UPPER)
+        assert np.isfinite(broken(theta)[0])
+        assert broken(theta)[0] >= broken(np.zeros(4))[0]
+
+
+def test_lengthscales_of_lbfgs_stay_where_the_likelihood_is_not_flat():
+    def rising(theta):
+        return theta[1], np.array([0.0, 1.0, 0.0, 0.0])
+
+    theta = Lbfgs().ascend(rising, np.zeros(4), 50, LOWER, UPPER)
+    assert theta[1] == pytest.approx(np.log(10.0))
+
+
+def test_a_floor_of_zero_has_a_finite_logarithm():
+    assert np.isfinite(bounds(0.0)).all()
+    assert bounds(0.25)[0][3] == np.log(0.25)
