@@ -17,7 +17,7 @@ from infoplan.model.kernel import (
 
 # Where a jitter of zero starts to grow.
 _FIRST_JITTER = 1e-10
-# Query points whose cross-covariances are held at a time: more need memory, fewer need time.
+# Query points a triangular solve: larger blocks take more memory, smaller ones more time.
 _BLOCK = 512
 
 
