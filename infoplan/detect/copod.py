@@ -52,7 +52,8 @@ def paper_score(y: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     ordered = np.sort(y)
     left = np.searchsorted(ordered, y, side="right") / len(y)
-    right = 1 - np.searchsorted(ordered, y, side="left") / len(y)
+    # Counted before dividing: 1 - left would round ties between the tails apart.
+    right = (len(y) - np.searchsorted(ordered, y, side="left")) / len(y)
     return -np.log(np.minimum(left, right))
 
 
