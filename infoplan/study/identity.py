@@ -1,11 +1,13 @@
-"""What makes two runs the same: the resolved scientific configuration, the map, the code's numbers."""
+"""What makes two runs the same: the scientific configuration, the map, the code's numbers."""
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
 
-from infoplan.config import Config, MissionConfig
+from infoplan.config import Config, CopodConfig, MissionConfig
+from infoplan.errors import RunError
 from infoplan.terrain import Terrain
 
 NUMERICS_VERSION = 1
@@ -73,3 +75,41 @@ def resolve(config: Config, terrain: Terrain) -> MissionConfig:
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
     return resolved
+
+
+def config_from_science(science: Mapping[str, Any]) -> MissionConfig:
+    """Read a run's `science` back into the configuration it was made from.
+
+    Parameters
+    ----------
+    science
+        What ``runs/<run>.yaml`` holds.
+
+    Returns
+    -------
+    MissionConfig
+        Equal to `Run.config`, except that where the map was found is not stored and is the default.
+
+    Raises
+    ------
+    RunError
+        If an option is missing or unknown: the mapping is of another version.
+    """
+    options: dict[str, Any] = {}
+    try:
+        for item in fields(MissionConfig):
+            value = options[item.name] = science[item.name]
+            if is_dataclass(item.type):
+                copod = item.name == "detector" and value["name"] == "copod"
+                schema: Any = CopodConfig if copod else item.type
+                stored = {key: entry for key, entry in value.items() if key != "sha256"}
+                absent = {part.name for part in fields(schema)} - {"path", "on_missing", *stored}
+                if absent:
+                    raise KeyError(f"{item.name}.{min(absent)}")
+                options[item.name] = schema(**stored)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise RunError(
+            f"the stored configuration does not fit this version of infoplan ({error}): "
+            "run it again with this version"
+        ) from error
+    return MissionConfig(**options)

@@ -1,0 +1,71 @@
+"""A stored configuration comes back as the one it was made from."""
+
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from infoplan.config import Config, CopodConfig, DetectorConfig, MissionConfig, ModelConfig
+from infoplan.errors import RunError
+from infoplan.study.identity import config_from_science, identify
+from infoplan.terrain import Terrain
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"detector": DetectorConfig(name="best", scope="batch")},
+        {"detector": CopodConfig(scope="historical", contamination=0.2, score="paper")},
+        {"model": ModelConfig(iterations="per_sample"), "grid": [7, 9], "rho": 0.05, "budget": 321},
+    ],
+)
+def test_the_science_of_a_run_gives_its_configuration(changes, volcano):
+    config = replace(Config(), **changes)
+    config.terrain = replace(config.terrain, name="volcano")
+    run = identify(config, volcano)
+    stored = yaml.safe_load(yaml.safe_dump(run.science))
+    restored = config_from_science(stored)
+    assert type(restored) is MissionConfig
+    assert restored == run.config
+    assert type(restored.detector) is type(run.config.detector)
+    again = identify(replace(config, **vars(restored)), volcano)
+    assert again.name == run.name
+
+
+def test_a_map_from_a_file_keeps_its_name(volcano):
+    own = Terrain("file-hills", volcano.elevation, volcano.extent, "m", volcano.sha256)
+    config = Config()
+    config.terrain = replace(config.terrain, name="file", path="hills.npy")
+    restored = config_from_science(identify(config, own).science)
+    assert (restored.terrain.name, restored.terrain.unit) == ("file-hills", "m")
+
+
+@pytest.mark.parametrize(
+    ("group", "key", "named"),
+    [
+        (None, "rho", "rho"),
+        (None, "robot", "robot"),
+        ("planner", "smoothing", "planner.smoothing"),
+        ("detector", "name", "name"),
+    ],
+)
+def test_a_missing_option_is_named(group, key, named, volcano):
+    science = identify(Config(), volcano).science
+    del (science[group] if group else science)[key]
+    with pytest.raises(RunError, match=f"{named}.*run it again"):
+        config_from_science(science)
+
+
+def test_an_unknown_option_is_named(volcano):
+    science = identify(Config(), volcano).science
+    science["planner"] = {**science["planner"], "depth": 3}
+    with pytest.raises(RunError, match="depth"):
+        config_from_science(science)
+
+
+def test_the_mapping_is_left_as_it_was(volcano):
+    science = identify(Config(), volcano).science
+    before = yaml.safe_dump(science)
+    config_from_science(science).planner.iterations = 1
+    assert yaml.safe_dump(science) == before
