@@ -305,7 +305,8 @@ def validate(config: MissionConfig) -> None:
     points = config.pilot.control_points
     if len(points) < 2 or any(len(point) != 2 for point in points):
         raise UsageError(
-            "pilot.control_points must be a list of at least two [x,y] pairs, fractions of the extent"
+            "pilot.control_points must be a list of at least two [x,y] pairs, fractions of the "
+            "extent"
         )
     if isinstance(config, Config):
         seed_list(config.seeds)

@@ -2,7 +2,7 @@
 
 
 class UsageError(ValueError):
-    """What was asked for cannot be done: names the thing, what is allowed, what to do (status 2)."""
+    """What was asked for cannot be done: names it, what is allowed, what to do (exit status 2)."""
 
 
 class RunError(RuntimeError):

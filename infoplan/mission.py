@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +121,7 @@ class Mission:
         self.grid = terrain.query_grid(self.shape)
         self.grid_truth = terrain.elevation_at(self.grid[:, 0], self.grid[:, 1])
         self.sensor_rng = generator(seed, "sensor")
-        self.outlier_counts = np.zeros(self.shape)
+        self.outlier_counts: NDArray[Any] = np.zeros(self.shape)
         self.epoch = 0
         self.confusion = {"tp": 0, "fp": 0, "fn": 0, "tn": 0}
         self.seconds = {"plan": 0.0, "fit": 0.0, "predict": 0.0, "detect": 0.0}
@@ -281,7 +282,10 @@ class Mission:
             **asdict(self.model.hyperparameters),
             jitter=self.model.jitter,
             lml=lml,
-            **{f"{part}_seconds": spent for part, spent in self.seconds.items()},
+            plan_seconds=self.seconds["plan"],
+            fit_seconds=self.seconds["fit"],
+            predict_seconds=self.seconds["predict"],
+            detect_seconds=self.seconds["detect"],
         )
 
     @property

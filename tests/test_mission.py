@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def test_rows_count_what_was_collected(copod, volcano):
     assert rows[0].collected == rows[0].accepted == 100
     assert (rows[0].tp, rows[0].fp, rows[0].fn, rows[0].tn) == (0, 0, 0, 0)
     assert rows[-1].collected == 240 == len(mission.samples)
-    for before, row in zip(rows, rows[1:], strict=False):
+    for before, row in pairwise(rows):
         batch = mission.samples[mission.samples.epoch == row.epoch]
         assert row.collected - before.collected == len(batch)
         assert row.tp + row.fp + row.fn + row.tn == len(batch)

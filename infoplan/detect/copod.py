@@ -57,7 +57,7 @@ def paper_score(y: NDArray[np.float64]) -> NDArray[np.float64]:
     return -np.log(np.minimum(left, right))
 
 
-def _pyod_copod(contamination: float):  # type: ignore[no-untyped-def]  # noqa: ANN202
+def _pyod_copod(contamination: float):  # type: ignore[no-untyped-def]
     # PyOD imports pyplot and numba: only a mission that uses it should wait for them.
     from pyod.models.copod import COPOD
 
