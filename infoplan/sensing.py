@@ -1,5 +1,7 @@
 """The elevation sensor: Gaussian noise, and now and then a spike."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +19,8 @@ def add_spikes(
     rng: np.random.Generator,
     *,
     count: str = "round",
-    amplitude: tuple[float, float] = (1.0, 2.0),
-    quantiles: tuple[float, float] = (0.05, 0.95),
+    amplitude: Sequence[float] = (1.0, 2.0),
+    quantiles: Sequence[float] = (0.05, 0.95),
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Turn a share of a batch into spike outliers (paper, Section V).
 
