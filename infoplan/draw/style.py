@@ -1,0 +1,248 @@
+"""One look for all figures: sizes, fonts, colours, files."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+Extent = tuple[float, float, float, float]
+
+COLUMN = 3.5
+"""Width of a journal's column, inches."""
+
+PAGE = 7.16
+"""Width of two columns, inches."""
+
+COLOURS = {
+    "UCT-NONE": "#D55E00",
+    "UCT-BEST": "#009E73",
+    "UCT-COPOD": "#CC79A7",
+    "PUCT-COPOD": "#0072B2",
+    "PUCT-NONE": "#E69F00",
+    "PUCT-BEST": "#56B4E9",
+}
+"""A method's colour in every figure (Okabe and Ito's palette, safe for colour-blind readers)."""
+
+DASHES = {
+    "UCT-NONE": (0, (1, 1)),
+    "UCT-BEST": (0, (5, 1.2, 1, 1.2)),
+    "UCT-COPOD": (0, (4, 1.5)),
+    "PUCT-COPOD": "solid",
+    "PUCT-NONE": (0, (1, 2)),
+    "PUCT-BEST": (0, (5, 1.2, 1, 1.2, 1, 1.2)),
+}
+"""A method's line in every figure, for print without colours."""
+
+ELEVATION, DEVIATION, ERROR, DENSITY = "viridis", "cividis", "magma_r", "YlOrBr"
+"""Colour maps; lightness alone tells their values apart."""
+
+# Any: matplotlib types its settings name by name.
+SETTINGS: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 7.0,
+    "axes.labelsize": 7.0,
+    "axes.titlesize": 7.5,
+    "axes.titlepad": 3.0,
+    "axes.labelpad": 2.0,
+    "axes.linewidth": 0.6,
+    "xtick.labelsize": 6.5,
+    "ytick.labelsize": 6.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.pad": 2.0,
+    "ytick.major.pad": 2.0,
+    "legend.fontsize": 6.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    # Type 42 embeds the fonts whole, which publishers ask for.
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def journal() -> Iterator[None]:
+    """Draw with the journal's settings inside this context, and leave the user's alone."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(SETTINGS)
+        yield
+
+
+def new_figure(width: float, height: float) -> "Figure":
+    """Return an empty figure of a size in inches; drawn by Agg, without pyplot's state."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: "Figure", folder: Path, name: str, numbers: pd.DataFrame) -> list[Path]:
+    """Write a figure as PNG and PDF, and what it shows as CSV.
+
+    Parameters
+    ----------
+    figure
+        Complete.
+    folder, name
+        Where, and the files' stem.
+    numbers
+        The plotted numbers, one row a point.
+
+    Returns
+    -------
+    list of Path
+        The three files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"{name}.{kind}" for kind in ("png", "pdf", "csv")]
+    figure.savefig(paths[0], dpi=300)
+    # Without a date the same results give the same file.
+    figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
+    numbers.to_csv(paths[2], index=False, float_format="%.10g")
+    return paths
+
+
+def show_map(
+    axes: "Axes",
+    values: Floats,
+    extent: Extent,
+    *,
+    cmap: str,
+    vmin: float | None = None,
+    vmax: float | None = None,
+) -> "ScalarMappable":
+    """Draw a map whose nodes lie on the borders of the extent, row 0 at the bottom.
+
+    Parameters
+    ----------
+    axes
+        Where.
+    values
+        Shape (rows, columns).
+    extent
+        xmin, xmax, ymin, ymax, workspace units.
+    cmap, vmin, vmax
+        Colour map and its ends; those of the values if None.
+
+    Returns
+    -------
+    ScalarMappable
+        For a colour bar.
+    """
+    image = axes.imshow(
+        values,
+        extent=_pixel_extent(values.shape, extent),
+        origin="lower",
+        cmap=cmap,
+        vmin=vmin,
+        vmax=vmax,
+        interpolation="bicubic",
+    )
+    workspace(axes, extent)
+    return image
+
+
+def show_relief(
+    axes: "Axes",
+    elevation: Floats,
+    extent: Extent,
+    *,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    cmap: str = ELEVATION,
+) -> "ScalarMappable":
+    """Draw an elevation map, hill-shaded from the north-west; parameters as in `show_map`."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    norm = Normalize(
+        elevation.min() if vmin is None else vmin, elevation.max() if vmax is None else vmax
+    )
+    axes.imshow(
+        shaded(elevation, extent, norm.vmin, norm.vmax, cmap),
+        extent=_pixel_extent(elevation.shape, extent),
+        origin="lower",
+        interpolation="bicubic",
+    )
+    workspace(axes, extent)
+    return ScalarMappable(norm, cmap)
+
+
+def shaded(
+    elevation: Floats, extent: Extent, vmin: float | None, vmax: float | None, cmap: str = ELEVATION
+) -> Floats:
+    """Colour an elevation map and shade it, light from the north-west.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns, 4)
+        Red, green, blue, opacity.
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import LightSource, Normalize
+
+    rows, columns = elevation.shape
+    dy, dx = (extent[3] - extent[2]) / (rows - 1), (extent[1] - extent[0]) / (columns - 1)
+    slope = np.hypot(*np.gradient(elevation, dy, dx))
+    # Heights and lengths have different units: the steep tenth of the map gets 45 degrees.
+    steep = float(np.quantile(slope, 0.9)) or 1.0
+    # The light source takes the first row for the north; ours is the south.
+    rgba = LightSource(azdeg=315, altdeg=45).shade(
+        elevation[::-1],
+        colormaps[cmap],
+        norm=Normalize(vmin, vmax),
+        blend_mode="soft",
+        vert_exag=1.0 / steep,
+        dx=dx,
+        dy=dy,
+    )
+    return np.asarray(rgba[::-1])
+
+
+def workspace(axes: "Axes", extent: Extent) -> None:
+    """Frame the workspace, axes labelled in its units."""
+    axes.set(
+        xlim=extent[:2],
+        ylim=extent[2:],
+        aspect="equal",
+        xlabel="$x_1$ (workspace units)",
+        ylabel="$x_2$ (workspace units)",
+    )
+
+
+def colour_bar(image: "ScalarMappable", axes: "Axes | list[Axes]", label: str) -> None:
+    """Put a slim colour bar beside the axes."""
+    first = axes[0] if isinstance(axes, list) else axes
+    figure = first.figure
+    bar = figure.colorbar(image, ax=axes, label=label, fraction=0.05, pad=0.02, aspect=25)
+    bar.outline.set_linewidth(0.6)
+
+
+def panel(axes: "Axes", letter: str, title: str) -> None:
+    """Title a panel: (a) what it shows."""
+    axes.set_title(f"({letter}) {title}" if letter else title, loc="left")
+
+
+def _pixel_extent(shape: tuple[int, ...], extent: Extent) -> Extent:
+    """Extent of an image whose outer pixels are centred on the borders."""
+    half_x = (extent[1] - extent[0]) / (shape[1] - 1) / 2
+    half_y = (extent[3] - extent[2]) / (shape[0] - 1) / 2
+    return extent[0] - half_x, extent[1] + half_x, extent[2] - half_y, extent[3] + half_y

@@ -1,0 +1,64 @@
+"""A terrain in words and as a hill-shaded map."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from infoplan.analyse.relief import local_relief
+from infoplan.config import PilotConfig
+from infoplan.draw import style
+from infoplan.robot import bezier_path
+from infoplan.terrain import Terrain
+
+FLAT = 0.05
+"""Land is flat where its local relief is below this share of the whole map's."""
+
+
+def describe(terrain: Terrain) -> str:
+    """Describe a terrain: size, unit, elevations, relief, share of flat land.
+
+    Relief is highest less lowest elevation, over the whole map and within 2 workspace units of a
+    node; flat land has a local relief below 5 % of the whole map's.
+    """
+    z = terrain.elevation
+    rows, columns = z.shape
+    xmin, xmax, ymin, ymax = terrain.extent
+    local = local_relief(z, terrain.extent)
+    relief = float(np.ptp(z))
+    unit = terrain.unit
+    flat = np.mean(local < FLAT * relief) if relief else 1.0
+    facts = {
+        "terrain": terrain.name,
+        "nodes": f"{rows} x {columns}, rows along y",
+        "workspace": f"x {xmin:g} to {xmax:g}, y {ymin:g} to {ymax:g}",
+        "elevation": f"{z.min():.0f} to {z.max():.0f} {unit}",
+        "mean, std": f"{z.mean():.0f}, {z.std():.0f} {unit}",
+        "relief": f"{relief:.0f} {unit}; within 2 units {np.median(local):.0f} {unit} (median)",
+        "flat land": f"{100 * flat:.0f} % (local relief below {FLAT:.0%} of the whole)",
+        "sha256": terrain.sha256,
+    }
+    return "\n".join(f"{name:10} {fact}" for name, fact in facts.items())
+
+
+def draw_terrain(terrain: Terrain, folder: Path) -> Path:
+    """Draw a terrain, hill-shaded, with the default pilot path.
+
+    Returns
+    -------
+    Path
+        The PNG; a PDF and the pilot path's CSV lie beside it.
+    """
+    pilot = PilotConfig()
+    path = bezier_path(np.array(pilot.control_points), terrain.extent, pilot.samples)
+    with style.journal():
+        figure = style.new_figure(style.COLUMN, 2.9)
+        axes = figure.add_subplot()
+        image = style.show_relief(axes, terrain.elevation, terrain.extent)
+        axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
+        axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
+        style.panel(axes, "", f"{terrain.name}, pilot path from the ringed sample")
+        style.colour_bar(image, axes, f"elevation ({terrain.unit})")
+        numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
+        numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
+        return style.save(figure, folder, f"terrain-{terrain.name}", numbers)[0]
