@@ -58,5 +58,5 @@ def add_spikes(
         is_outlier = np.zeros(n, dtype=bool)
         is_outlier[rng.choice(n, size=number, replace=False)] = True
     low, high = np.quantile(measured, quantiles)
-    scale = rng.uniform(*amplitude, size=n) * rng.choice([-1.0, 1.0], size=n)
+    scale = rng.uniform(amplitude[0], amplitude[1], size=n) * rng.choice([-1.0, 1.0], size=n)
     return np.where(is_outlier, measured + scale * (high - low), measured), is_outlier
