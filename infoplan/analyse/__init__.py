@@ -1,1 +1,105 @@
-""""""
+"""Stored results as tables, statistics and verdicts.
+
+>>> from infoplan.analyse import compare, load_curves
+>>> best = load_curves("results", method="UCT-BEST", rho=0.1)  # doctest: +SKIP
+>>> none = load_curves("results", method="UCT-NONE", rho=0.1)  # doctest: +SKIP
+>>> compare(best, none, by="final").mean  # doctest: +SKIP
+Interval(mean=-512.3, low=-601.2, high=-420.9, n=10)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from infoplan.analyse.curves import (
+        area_under_curve,
+        compare,
+        mean_between,
+        on_common_axis,
+        summarise,
+        value_at,
+    )
+    from infoplan.analyse.detection import detector_quality, rejudge, roc_auc
+    from infoplan.analyse.relief import by_relief, local_relief
+    from infoplan.analyse.statistics import (
+        Interval,
+        PairedDifference,
+        bootstrap,
+        bootstrap_band,
+        bootstrap_mean,
+        interquartile_mean,
+        paired_difference,
+    )
+    from infoplan.analyse.tables import (
+        Selection,
+        find_missions,
+        find_study,
+        load_curves,
+        load_maps,
+        load_samples,
+    )
+
+_HOMES = {
+    "curves": (
+        "area_under_curve",
+        "compare",
+        "mean_between",
+        "on_common_axis",
+        "summarise",
+        "value_at",
+    ),
+    "detection": ("detector_quality", "rejudge", "roc_auc"),
+    "relief": ("by_relief", "local_relief"),
+    "statistics": (
+        "Interval",
+        "PairedDifference",
+        "bootstrap",
+        "bootstrap_band",
+        "bootstrap_mean",
+        "interquartile_mean",
+        "paired_difference",
+    ),
+    "tables": (
+        "Selection",
+        "find_missions",
+        "find_study",
+        "load_curves",
+        "load_maps",
+        "load_samples",
+    ),
+}
+
+__all__ = [
+    "Interval",
+    "PairedDifference",
+    "Selection",
+    "area_under_curve",
+    "bootstrap",
+    "bootstrap_band",
+    "bootstrap_mean",
+    "by_relief",
+    "compare",
+    "detector_quality",
+    "find_missions",
+    "find_study",
+    "interquartile_mean",
+    "load_curves",
+    "load_maps",
+    "load_samples",
+    "local_relief",
+    "mean_between",
+    "on_common_axis",
+    "paired_difference",
+    "rejudge",
+    "roc_auc",
+    "summarise",
+    "value_at",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # pandas and SciPy are loaded when a name is first used: the command line stays quick.
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

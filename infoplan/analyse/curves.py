@@ -1,10 +1,23 @@
-"""Learning curves: stored tables, and their values on a common axis of collected samples."""
+"""Learning curves: their values on a common axis of collected samples, and numbers that sum up."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+
+from infoplan.analyse.statistics import RESAMPLES, PairedDifference, paired_difference
+from infoplan.errors import UsageError
+
+EARLY = (150, 500)
+"""The paper's claims call this stretch of collected samples early."""
+
+LATE = 1000
+"""And from here to the budget late."""
+
+AXIS_POINTS = 190
+"""About as many steps does a common axis have."""
 
 
 def load_curve(results_dir: Path, run: str, seed: int) -> pd.DataFrame:
@@ -25,4 +38,205 @@ def value_at(curve: pd.DataFrame, samples: ArrayLike, column: str = "rmse") -> N
     column
         Which column.
     """
-    return np.interp(samples, curve["collected"], curve[column], left=np.nan, right=np.nan)
+    return np.interp(
+        np.asarray(samples, dtype=float),
+        curve["collected"].to_numpy(dtype=float),
+        curve[column].to_numpy(dtype=float),
+        left=np.nan,
+        right=np.nan,
+    )
+
+
+def mean_between(curve: pd.DataFrame, low: float, high: float, column: str = "rmse") -> float:
+    """Mean of a curve over a stretch of collected samples, linear between epochs (exact).
+
+    Parameters
+    ----------
+    curve
+        One mission's rows.
+    low, high
+        Ends of the stretch; an end beyond the last row is moved there.
+    column
+        Which column.
+
+    Returns
+    -------
+    float
+        NaN if the curve begins after `low` or ends at or before it.
+    """
+    collected = curve["collected"].to_numpy(dtype=float)
+    high = min(high, collected[-1])
+    if low < collected[0] or high <= low:
+        return float("nan")
+    inside = collected[(collected > low) & (collected < high)]
+    axis = np.concatenate([[low], inside, [high]])
+    values = value_at(curve, axis, column)
+    return float(np.sum(np.diff(axis) * (values[1:] + values[:-1]) / 2) / (high - low))
+
+
+def missions(curves: pd.DataFrame) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
+    """Walk over the missions of a table, as ((run, seed), rows)."""
+    for run, of_run in curves.groupby("run"):
+        for seed in sorted(set(of_run["seed"])):
+            yield (str(run), int(seed)), of_run[of_run["seed"] == seed]
+
+
+def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:
+    """Numbers of collected samples that all missions reach: even steps, and the last.
+
+    It runs from the latest of the first rows to the earliest of the last rows.
+    """
+    ends = [(rows["collected"].iloc[0], rows["collected"].iloc[-1]) for _, rows in missions(curves)]
+    first, last = max(low for low, _ in ends), min(high for _, high in ends)
+    step = max(1, round((last - first) / AXIS_POINTS))
+    return np.append(np.arange(first, last, step), last)
+
+
+def on_common_axis(
+    curves: pd.DataFrame, samples: ArrayLike | None = None, column: str = "rmse"
+) -> pd.DataFrame:
+    """Put the curves of several missions on one axis of collected samples.
+
+    Parameters
+    ----------
+    curves
+        As `load_curves` returns them.
+    samples
+        Numbers of collected samples; `common_axis` if None.
+    column
+        Which column, linear between epochs; NaN outside of a mission's curve.
+
+    Returns
+    -------
+    DataFrame
+        One row a number of samples (index ``collected``), one column a mission (levels ``run`` and
+        ``seed``).
+    """
+    axis = common_axis(curves) if samples is None else np.asarray(samples)
+    values = {key: value_at(rows, axis, column) for key, rows in missions(curves)}
+    frame = pd.DataFrame(values, index=pd.Index(axis, name="collected"))
+    frame.columns = pd.MultiIndex.from_tuples(values, names=["run", "seed"])
+    return frame
+
+
+def area_under_curve(curves: pd.DataFrame, column: str = "rmse") -> "pd.Series[float]":
+    """Area under each mission's curve, divided by its length: the mean over collected samples.
+
+    Parameters
+    ----------
+    curves
+        As `load_curves` returns them.
+    column
+        Which column.
+
+    Returns
+    -------
+    Series
+        Indexed by run and seed; from the latest of the first rows to each mission's budget.
+    """
+    first = max(rows["collected"].iloc[0] for _, rows in missions(curves))
+    areas = {key: mean_between(rows, first, np.inf, column) for key, rows in missions(curves)}
+    index = pd.MultiIndex.from_tuples(areas, names=["run", "seed"])
+    return pd.Series(list(areas.values()), index=index, name="area")
+
+
+def summarise(curves: pd.DataFrame, column: str = "rmse") -> pd.DataFrame:
+    """Sum up each mission's curve in a few numbers.
+
+    Parameters
+    ----------
+    curves
+        As `load_curves` returns them.
+    column
+        Which column, in its unit.
+
+    Returns
+    -------
+    DataFrame
+        Indexed by run and seed: method, scope, rho; ``final`` (at the budget), ``minimum``,
+        ``early`` (mean over 150 to 500 collected samples), ``late`` (mean from 1000 on) and
+        ``area`` (mean over the whole curve), NaN where a mission is too short; confusion counts of
+        the mission (scope batch adds the epochs up, historical judges everything at the end) with
+        precision, recall and false_alarm_rate; ``seconds`` computed.
+    """
+    areas = area_under_curve(curves, column)
+    rows = []
+    for key, curve in missions(curves):
+        last = curve.iloc[-1]
+        counts = curve[["tp", "fp", "fn", "tn"]]
+        tp, fp, fn, tn = counts.iloc[-1] if last["scope"] == "historical" else counts.sum()
+        rows.append(
+            {
+                "method": last["method"],
+                "scope": last["scope"],
+                "rho": last["rho"],
+                "final": last[column],
+                "minimum": curve[column].min(),
+                "early": mean_between(curve, *EARLY, column),
+                "late": mean_between(curve, LATE, np.inf, column),
+                "area": areas[key],
+                "tp": tp,
+                "fp": fp,
+                "fn": fn,
+                "tn": tn,
+                **ratios(tp, fp, fn, tn),
+                "seconds": curve.filter(like="_seconds").to_numpy().sum(),
+            }
+        )
+    return pd.DataFrame(rows, index=areas.index)
+
+
+def ratios(tp: float, fp: float, fn: float, tn: float) -> dict[str, float]:
+    """Precision, recall and false-alarm rate of confusion counts; NaN where nothing is counted."""
+    return {
+        "precision": float(tp / (tp + fp)) if tp + fp else np.nan,
+        "recall": float(tp / (tp + fn)) if tp + fn else np.nan,
+        "false_alarm_rate": float(fp / (fp + tn)) if fp + tn else np.nan,
+    }
+
+
+def compare(
+    curves_a: pd.DataFrame,
+    curves_b: pd.DataFrame,
+    *,
+    by: str = "final",
+    column: str = "rmse",
+    resamples: int = RESAMPLES,
+) -> PairedDifference:
+    """Compare two runs by the difference a - b of one number a mission, paired by seed.
+
+    Parameters
+    ----------
+    curves_a, curves_b
+        The missions of one run each, as `load_curves` returns them.
+    by
+        A numeric column of `summarise`: ``final``, ``area``, ``early``, ``late``, ``recall`` ...
+    column
+        Which column of the curves is summed up.
+    resamples
+        Bootstrap resamples, drawn from a fixed seed.
+
+    Returns
+    -------
+    PairedDifference
+
+    Raises
+    ------
+    UsageError
+        If a table holds several runs, or they have no seed in common.
+    """
+    numbers = []
+    for curves in (curves_a, curves_b):
+        if curves["run"].nunique() != 1:
+            raise UsageError(
+                f"compare takes one run on each side, not {curves['run'].nunique()}: choose, for "
+                "instance with load_curves(..., method='UCT-COPOD', rho=0.1, scope='batch')"
+            )
+        numbers.append(summarise(curves, column)[by].droplevel("run"))
+    difference = paired_difference(numbers[0], numbers[1], resamples=resamples)
+    if not difference.mean.n:
+        raise UsageError(
+            f"{curves_a['run'].iloc[0]} and {curves_b['run'].iloc[0]} have no seed in common: "
+            "run both with the same seeds"
+        )
+    return difference

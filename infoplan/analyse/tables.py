@@ -1,0 +1,427 @@
+"""Stored missions: which are there, which belong together, and their tables."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from infoplan.config import MissionConfig
+from infoplan.errors import RunError, UsageError
+from infoplan.wording import suggest
+
+DEFAULT_TERRAIN = "helens"
+
+LABELS = ("run", "seed", "method", "planner", "detector", "scope", "rho", "terrain", "budget")
+"""What a mission can be chosen by, besides every option of its configuration."""
+
+SWEPT = ("planner.name", "detector.name", "detector.scope", "rho")
+"""The options that tell a study's runs apart."""
+
+Options = dict[str, Any]
+"""A configuration with dotted names."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Missions of one terrain and one budget, their tables comparable.
+
+    Attributes
+    ----------
+    results_dir
+        Where their tables are.
+    missions
+        One row a mission: the columns `LABELS`.
+    options
+        Configuration of each run, dotted names.
+    terrain, unit, budget
+        Common to all: the map's name, the unit of its elevations, samples of a mission.
+    notes
+        What was left out, and why: sentences for the reader.
+    """
+
+    results_dir: Path
+    missions: pd.DataFrame
+    options: dict[str, Options]
+    terrain: str
+    unit: str
+    budget: int
+    notes: tuple[str, ...] = ()
+
+    def run(self, method: str, rho: float, scope: str = "batch") -> str | None:
+        """Name of a method's run at an outlier share; None if there is none.
+
+        Parameters
+        ----------
+        method
+            As ``PUCT-COPOD``.
+        rho
+            Share of outliers.
+        scope
+            Of the detector; NONE and BEST are the same mission under both.
+
+        Raises
+        ------
+        UsageError
+            If several runs answer to this: take the selection from `find_study`.
+        """
+        if not method.endswith("-COPOD"):
+            scope = "batch"
+        missions = self.missions
+        chosen = missions[
+            (missions["method"] == method)
+            & (missions["scope"] == scope)
+            & ((missions["rho"] - rho).abs() < 1e-9)
+        ]
+        names = sorted(set(chosen["run"]))
+        if len(names) > 1:
+            raise UsageError(f"{method} at rho={rho:g} is {' and '.join(names)}: choose with run=")
+        return names[0] if names else None
+
+    def seeds(self, run: str) -> list[int]:
+        """Seeds of a run, ascending."""
+        return sorted(self.missions.loc[self.missions["run"] == run, "seed"])
+
+    def only(self, runs: Iterable[str]) -> "Selection":
+        """Return the missions of some runs alone."""
+        kept = set(runs)
+        return replace(
+            self,
+            missions=self.missions[self.missions["run"].isin(kept)].reset_index(drop=True),
+            options={run: flat for run, flat in self.options.items() if run in kept},
+        )
+
+
+def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
+    """Find the finished missions that answer to all filters.
+
+    Parameters
+    ----------
+    results_dir
+        Folder of the result tables.
+    **filters
+        One of `LABELS` or an option of the configuration (``**{"planner.exploration": 0.5}``), and
+        its value, or a list of which any will do. A run may be named by its hash alone. Without
+        ``terrain`` it is helens if that is there. None filters nothing, and a run without the
+        option (NONE has no contamination) passes.
+
+    Returns
+    -------
+    Selection
+
+    Raises
+    ------
+    UsageError
+        If nothing answers, a filter is unknown, or what answers mixes terrains, budgets or schema
+        versions; the sentence says what was found.
+    RunError
+        If a table cannot be read.
+    """
+    folder = Path(results_dir).expanduser()
+    missions, options = _scan(folder)
+    if missions.empty:
+        raise UsageError(
+            f"results_dir={folder} holds no finished mission: make some with infoplan run, "
+            "all of the paper's with infoplan run -m experiment=fig5"
+        )
+    known = {*LABELS, *(name for flat in options.values() for name in flat)}
+    for name, wanted in filters.items():
+        if wanted is None:
+            continue
+        if name not in known:
+            raise UsageError(f"{name}={wanted} chooses nothing{suggest(name, known)}: use "
+                             f"{', '.join(LABELS)} or an option of the runs")  # fmt: skip
+        kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
+        if kept.empty:
+            raise UsageError(
+                f"results_dir={folder} holds no mission with {name}={_text(wanted)}: "
+                f"there is {_found(missions, options, name)}"
+            )
+        missions = kept
+    if filters.get("terrain") is None and DEFAULT_TERRAIN in set(missions["terrain"]):
+        missions = missions[missions["terrain"] == DEFAULT_TERRAIN]
+    for name in ("terrain", "budget"):
+        if missions[name].nunique() > 1:
+            raise UsageError(
+                f"results_dir={folder} holds missions of different {name}s, "
+                f"{_found(missions, options, name)}: choose one with {name}="
+            )
+    _check_schema(missions)
+    runs = list(dict.fromkeys(missions["run"]))
+    options = {run: options[run] for run in runs}
+    for name in ("terrain.sha256", "terrain.extent", "terrain.unit"):
+        if len({repr(flat.get(name)) for flat in options.values()}) > 1:
+            raise UsageError(
+                f"results_dir={folder} holds missions on different maps called "
+                f"{missions['terrain'].iloc[0]}, {name} {_found(missions, options, name)}: "
+                f"choose one with {name}="
+            )
+    first = options[runs[0]]
+    return Selection(
+        folder,
+        missions[list(LABELS)].sort_values(["run", "seed"], ignore_index=True),
+        options,
+        terrain=str(first["terrain.name"]),
+        unit=str(first["terrain.unit"]),
+        budget=int(first["budget"]),
+    )
+
+
+def find_study(results_dir: str | Path, **filters: Any) -> Selection:
+    """Find missions that differ in planner, detector, scope, rho and seed alone.
+
+    Where runs with other options are there, too, those with the default options are taken, and the
+    selection's notes say what was left out. Options of COPOD are COPOD's alone: NONE and BEST go
+    with any.
+
+    Parameters
+    ----------
+    results_dir, **filters
+        As for `find_missions`.
+
+    Returns
+    -------
+    Selection
+
+    Raises
+    ------
+    UsageError, RunError
+        As `find_missions`; also if runs differ in an option and none has its default.
+    """
+    selection = find_missions(results_dir, **filters)
+    shared, tuned = {}, {}
+    for run, flat in selection.options.items():
+        science = {name: value for name, value in flat.items() if name not in SWEPT}
+        of_detector = {name for name in science if name.startswith("detector.")}
+        shared[run] = {name: science[name] for name in science if name not in of_detector}
+        if of_detector:
+            tuned[run] = {name: science[name] for name in of_detector}
+    selection = _agreeing(selection, shared)
+    return _agreeing(selection, {run: tuned[run] for run in tuned if run in selection.options})
+
+
+def load_curves(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
+    """Load learning curves, one row a decision epoch, of all missions that answer to the filters.
+
+    Parameters
+    ----------
+    source
+        Folder of the result tables, or a selection.
+    **filters
+        As for `find_missions`; not with a selection.
+
+    Returns
+    -------
+    DataFrame
+        The columns of the curve table, and ``run`` and ``method`` (as ``UCT-NONE``).
+
+    Raises
+    ------
+    UsageError, RunError
+        As `find_missions`.
+    """
+    return _load(source, "curves", filters)
+
+
+def load_samples(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
+    """Load samples, one row a sample in order of collection; otherwise as `load_curves`."""
+    return _load(source, "samples", filters)
+
+
+def load_maps(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
+    """Load final maps, one row a node of the query grid; otherwise as `load_curves`."""
+    return _load(source, "maps", filters)
+
+
+def changed_options(options: Options) -> Options:
+    """Options of a run that are not the default ones, the labels of the run left out."""
+    default = default_options()
+    return {
+        name: value
+        for name, value in options.items()
+        if name in default and name not in SWEPT and value != default[name]
+    }
+
+
+def default_options() -> Options:
+    """Return the default configuration, dotted names."""
+    from infoplan.study.identity import NUMERICS_VERSION
+
+    return flatten({**asdict(MissionConfig()), "numerics_version": NUMERICS_VERSION})
+
+
+def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Options:
+    """Give a nested configuration dotted names."""
+    flat: Options = {}
+    for name, value in configuration.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """Read one table file.
+
+    Raises
+    ------
+    RunError
+        If it is damaged or missing.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        frame: pd.DataFrame = pq.ParquetFile(path).read().to_pandas()
+    except (OSError, pa.ArrowException) as error:
+        raise RunError(
+            f"{path} cannot be read (damaged or missing): delete its seed's curve and run its "
+            "configuration again"
+        ) from error
+    return frame
+
+
+def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
+    """List all finished missions, and the configuration of each run, from the curves' footers."""
+    from infoplan.study.store import read_footer
+
+    rows, options = [], {}
+    for path in sorted(folder.glob("curves/run=*/seed=*.parquet")):
+        footer = read_footer(path)
+        try:
+            run, flat = str(footer["run"]), flatten(footer["configuration"])
+            options[run] = flat
+            rows.append(
+                {
+                    "run": run,
+                    "seed": int(footer["seed"]),
+                    "method": f"{flat['planner.name']}-{flat['detector.name']}".upper(),
+                    "planner": flat["planner.name"],
+                    "detector": flat["detector.name"],
+                    "scope": flat["detector.scope"],
+                    "rho": float(flat["rho"]),
+                    "terrain": flat["terrain.name"],
+                    "budget": int(flat["budget"]),
+                    "schema": footer["schema_version"],
+                }
+            )
+        except KeyError as error:
+            raise RunError(
+                f"the footer of {path} lacks {error}: delete it and run its configuration again"
+            ) from error
+    return pd.DataFrame(rows), options
+
+
+def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
+    return [
+        {str(name): value for name, value in row.items()} for row in missions.to_dict("records")
+    ]
+
+
+def _answers(row: dict[str, Any], options: dict[str, Options], name: str, wanted: Any) -> bool:
+    if name not in LABELS and name not in options[row["run"]]:
+        return True  # NONE and BEST go with any option of COPOD
+    value: Any = row[name] if name in LABELS else options[row["run"]][name]
+    # An option may be a list itself; a list of lists then offers several.
+    several = isinstance(wanted, list | tuple | set) and not isinstance(value, list)
+    choices = list(wanted) if several else [wanted]
+    if name == "run":
+        return any(value == choice or value.endswith(f"-{choice}") for choice in choices)
+    if name == "method":
+        return value in [str(choice).upper() for choice in choices]
+    if isinstance(value, float):
+        return any(_number(choice) == value for choice in choices)
+    return value in choices
+
+
+def _number(choice: Any) -> float | None:
+    return float(choice) if isinstance(choice, int | float) else None
+
+
+def _found(missions: pd.DataFrame, options: dict[str, Options], name: str) -> str:
+    """Say which values of a label or an option there are, and on how many missions."""
+    values = (
+        missions[name]
+        if name in LABELS
+        else missions["run"].map(lambda run: _text(options[run].get(name)))
+    )
+    counts = values.map(_text).value_counts(sort=False)
+    shown = [f"{value} ({count})" for value, count in counts.items()]
+    return ", ".join(shown[:8]) + (" and others" if len(shown) > 8 else "")
+
+
+def _text(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _check_schema(missions: pd.DataFrame) -> None:
+    from infoplan.study.identity import SCHEMA_VERSION
+
+    versions = sorted(set(missions["schema"]))
+    if len(versions) > 1:
+        raise UsageError(
+            f"the missions have tables of different schema versions, "
+            f"{' and '.join(map(str, versions))}: run those of version {versions[0]} again, or "
+            "choose with run="
+        )
+    if versions[0] != SCHEMA_VERSION:
+        raise UsageError(
+            f"the tables have schema version {versions[0]}, but this infoplan reads version "
+            f"{SCHEMA_VERSION}: run the configurations again, or read them with the infoplan that "
+            "wrote them (its version is in the tables' footers)"
+        )
+
+
+def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
+    """Keep the runs that agree in all options: if several groups do, the default ones."""
+    differing = {
+        name
+        for flat in options.values()
+        for name in flat
+        if len({repr(other.get(name)) for other in options.values()}) > 1
+    }
+    if not differing:
+        return selection
+    default = default_options()
+    left_out = {
+        run
+        for run, flat in options.items()
+        if any(flat.get(name) != default.get(name) for name in differing)
+    }
+    named = sorted(differing)
+    if len(left_out) == len(options):
+        found = {
+            name: sorted({_text(flat.get(name)) for flat in options.values()}) for name in named
+        }
+        listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
+        raise UsageError(
+            f"results_dir={selection.results_dir} holds runs that do not belong together, which "
+            f"differ in {listed}: choose with {named[0]}={found[named[0]][0]} or the like"
+        )
+    note = (
+        f"{len(left_out)} runs with other than the default {', '.join(named)} are left out; "
+        f"choose them with {named[0]}=..."
+    )
+    kept = selection.only(set(selection.missions["run"]) - left_out)
+    return replace(kept, notes=(*selection.notes, note))
+
+
+def _load(source: str | Path | Selection, table: str, filters: dict[str, Any]) -> pd.DataFrame:
+    from infoplan.study.store import table_path
+
+    if isinstance(source, Selection):
+        if filters:
+            raise UsageError("a selection is filtered already: filter where it is made")
+        selection = source
+    else:
+        selection = find_missions(source, **filters)
+    frames = []
+    for row in _rows(selection.missions):
+        frame = read_table(table_path(selection.results_dir, table, row["run"], row["seed"]))
+        for position, name in enumerate(("run", "method", "planner", "detector", "scope", "rho")):
+            if name not in frame:
+                frame.insert(position, name, row[name])
+        frames.append(frame)
+    return pd.concat(frames, ignore_index=True)
