@@ -908,13 +908,14 @@ def _check_density(mission: _Mission) -> str:
     """Check that the outlier density is the smoothed count of flagged samples by nearest node."""
     rows, columns = (int(nodes) for nodes in mission.option("grid"))
     xmin, xmax, ymin, ymax = mission.extent
-    spacing = np.array([(ymax - ymin) / (rows - 1), (xmax - xmin) / (columns - 1)])
+    extent, last = np.array([ymax - ymin, xmax - xmin]), np.array([rows - 1, columns - 1])
     counts = np.zeros((rows, columns))
     for x, y in mission.x[mission.samples["flagged"].to_numpy()]:
-        nearest = np.floor((np.array([y, x]) - [ymin, xmin]) / spacing + 0.5).astype(int)
-        row, column = np.clip(nearest, 0, [rows - 1, columns - 1])
+        # Multiplied before dividing: the car may start exactly half-way between two nodes.
+        nearest = np.floor((np.array([y, x]) - [ymin, xmin]) * last / extent + 0.5).astype(int)
+        row, column = np.clip(nearest, 0, last)
         counts[row, column] += 1
-    sigma = float(mission.option("planner.smoothing")) / spacing
+    sigma = float(mission.option("planner.smoothing")) * last / extent
     expected = gaussian_filter(counts, sigma, mode="nearest").ravel()
     found = mission.maps["outlier_density"].to_numpy()
     allowed = ROUNDING * max(1.0, float(counts.max()))
