@@ -9,6 +9,7 @@ infoplan: informative planning in the presence of outliers
   infoplan run [option=value ...]      run a configuration with all its seeds
   infoplan run -m [option=v1,v2 ...]   run every combination, in one pool of workers
   infoplan audit [run=... seeds=...]   recompute stored runs with other libraries
+  infoplan animate [run=... seed=...]  one stored mission as GIF or MP4
   infoplan terrain list|show|fetch     the maps
 
 infoplan run --help lists the options; --cfg job shows the configuration that would run.
@@ -164,7 +165,31 @@ def _show_terrain(arguments: list[str]) -> int:
     return EXIT_OK
 
 
-COMMANDS = {"run": _run, "audit": _audit, "terrain": _terrain}
+def _animate(arguments: list[str]) -> int:
+    from pathlib import Path
+
+    from infoplan.draw.animate import animate
+    from infoplan.overrides import parse
+    from infoplan.study.summary import wide_console
+
+    chosen = parse(
+        "animate",
+        arguments,
+        {"results_dir": "results", "run": "", "seed": 0, "format": "gif", "fps": 4},
+    )
+    path = animate(
+        Path(chosen["results_dir"]).expanduser(),
+        wide_console(),
+        run=chosen["run"] or None,
+        seed=chosen["seed"],
+        file_format=chosen["format"],
+        fps=chosen["fps"],
+    )
+    print(f"animated to {path}")
+    return EXIT_OK
+
+
+COMMANDS = {"run": _run, "audit": _audit, "terrain": _terrain, "animate": _animate}
 
 
 def _wants_traceback() -> bool:

@@ -1,0 +1,554 @@
+"""One mission as an animation: where it drove, what it believed, and how wrong it was."""
+
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+
+from infoplan.analyse.relief import on_grid
+from infoplan.analyse.tables import read_table
+from infoplan.config import MissionConfig
+from infoplan.draw import style
+from infoplan.errors import RunError, UsageError
+from infoplan.mission import CurveRow, Mission, Samples
+from infoplan.study.identity import config_from_science
+from infoplan.study.store import read_footer, table_path
+from infoplan.terrain import Terrain
+from infoplan.terrain.surface import checked_extent
+
+if TYPE_CHECKING:
+    import PIL.Image
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+    from matplotlib.text import Text
+
+Floats = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+Item = TypeVar("Item")
+
+FORMATS = ("gif", "mp4")
+MAX_FPS = 50
+"""Browsers show no more pictures of a GIF a second."""
+MAX_FRAMES = 60
+"""A mission of more epochs skips some, so that the file stays small."""
+HOLD_SECONDS = 3.0
+"""How long the last picture stands."""
+COLOURS = 255
+"""Colours of a GIF."""
+LINE_SECONDS = 5.0
+"""Without a terminal, lines about the progress come this often."""
+SAME_RMSE = 1e-6
+"""Relative difference up to which a recomputed RMSE is the stored one: rounding of other BLAS."""
+WIDTH, HEIGHT, DPI = 960, 640, 100
+"""Size of a picture in pixels, both even as video wants them."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A stored mission.
+
+    Attributes
+    ----------
+    run, seed
+        Which.
+    config
+        Its configuration.
+    samples, curve
+        Its tables, one row a sample and one an epoch.
+    truth
+        Elevation at the nodes of the query grid, shape ``config.grid``, terrain's unit.
+    """
+
+    run: str
+    seed: int
+    config: MissionConfig
+    samples: pd.DataFrame
+    curve: pd.DataFrame
+    truth: Floats
+
+
+@dataclass(frozen=True)
+class State:
+    """What a mission knows after an epoch; the maps have the shape of the query grid.
+
+    Attributes
+    ----------
+    row
+        Its row of the curve.
+    samples
+        All collected so far, as they are judged now.
+    mean, std
+        The model's latent ones, terrain's unit.
+    density
+        Smoothed outlier matrix.
+    """
+
+    row: CurveRow
+    samples: Samples
+    mean: Floats
+    std: Floats
+    density: Floats
+
+
+def animate(
+    results_dir: Path,
+    console: Console,
+    *,
+    run: str | None = None,
+    seed: int = 0,
+    file_format: str = "gif",
+    fps: float = 4,
+) -> Path:
+    """Draw a stored mission as an animation, a picture an epoch.
+
+    Parameters
+    ----------
+    results_dir
+        The folder of the tables; the animation lands in its ``figures``.
+    console
+        Where progress and warnings go.
+    run
+        Name of the run; None: the one that `choose_run` finds.
+    seed
+        Which of its missions.
+    file_format
+        ``gif`` or ``mp4``.
+    fps
+        Pictures a second, above 0 and at most 50.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    UsageError
+        If the mission is not stored, an option is wrong, or ffmpeg is needed and not there.
+    RunError
+        If a table cannot be read or the file cannot be written.
+    """
+    if file_format not in FORMATS:
+        raise UsageError(f"format={file_format} is not a choice: use {' or '.join(FORMATS)}")
+    if isinstance(fps, bool) or not isinstance(fps, int | float) or not 0 < fps <= MAX_FPS:
+        raise UsageError(f"fps={fps} must be a number above 0 and at most {MAX_FPS}")
+    write: Callable[[Sequence[Picture], Path, float], None] = write_gif
+    if file_format == "mp4":
+        write = write_mp4
+        find_ffmpeg()
+    recording = read_recording(results_dir, choose_run(results_dir, run), seed)
+    epochs = len(recording.curve)
+    states = list(_tracked(replay(recording), epochs, "recomputing epochs", console))
+    if difference := difference_from_curve(states, recording):
+        console.print(f"WARNING: {difference}", style="bold yellow", soft_wrap=True)
+    states = thinned(states, MAX_FRAMES)
+    pictures = list(
+        _tracked(draw_pictures(states, recording), len(states), "drawing pictures", console)
+    )
+    path = results_dir / "figures" / f"{recording.run}-seed{seed}.{file_format}"
+    unfinished = path.with_name(f".{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(pictures, unfinished, fps)
+        unfinished.replace(path)
+    except OSError as error:
+        raise RunError(
+            f"{path} could not be written ({error.strerror or error}): make room, or check that "
+            "you may write there"
+        ) from error
+    finally:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+    return path
+
+
+def choose_run(results_dir: Path, run: str | None) -> str:
+    """Find the run to animate.
+
+    Parameters
+    ----------
+    results_dir
+        The folder of the tables.
+    run
+        Name of a stored run, or its hash alone; None: the only run, else the paper's own method
+        (PUCT-COPOD at rho 0.1 and scope batch), if only one run is such.
+
+    Raises
+    ------
+    UsageError
+        If it is not stored, or several could be meant.
+    """
+    curves = results_dir.glob("curves/run=*/seed=*.parquet")
+    stored = sorted({path.parent.name.removeprefix("run=") for path in curves})
+    if not stored:
+        raise UsageError(
+            f"results_dir={results_dir} holds no finished mission to animate: fly one with "
+            "infoplan run, or name the folder that holds curves/"
+        )
+    if run is None:
+        paper = [name for name in stored if _is_papers_own(results_dir, name)]
+        candidates = stored if len(stored) == 1 else paper
+        if len(candidates) != 1:
+            raise UsageError(
+                f"results_dir={results_dir} holds several runs: say which with "
+                f"run={' or run='.join(candidates or stored)}"
+            )
+        return candidates[0]
+    named = [name for name in stored if name == run or name.endswith(f"-{run}")]
+    if len(named) != 1:
+        raise UsageError(f"run={run} is not stored in {results_dir}: use {' or '.join(stored)}")
+    return named[0]
+
+
+def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
+    """Read a stored mission.
+
+    Raises
+    ------
+    UsageError
+        If this seed of the run is not stored.
+    RunError
+        If a table cannot be read.
+    """
+    if not table_path(results_dir, "curves", run, seed).is_file():
+        seeds = sorted(
+            int(path.stem.removeprefix("seed="))
+            for path in results_dir.glob(f"curves/run={run}/seed=*.parquet")
+        )
+        raise UsageError(
+            f"seed={seed} of run={run} is not stored in {results_dir}: use one of {seeds}"
+        )
+    config = config_from_science(
+        read_footer(table_path(results_dir, "curves", run, seed))["configuration"]
+    )
+    curve, samples, maps = (
+        read_table(table_path(results_dir, name, run, seed))
+        for name in ("curves", "samples", "maps")
+    )
+    return Recording(run, seed, config, samples, curve, on_grid(maps, "truth"))
+
+
+def replay(recording: Recording) -> Iterator[State]:
+    """Recompute the state after every epoch by giving a mission its own samples once more.
+
+    Nothing is planned or sensed: the stored path and measurements go through detector and model as
+    they did when the mission was flown, which gives the same numbers.
+
+    Yields
+    ------
+    State
+        After the pilot and after each epoch.
+    """
+    from threadpoolctl import threadpool_limits
+
+    config, table, truth = recording.config, recording.samples, recording.truth
+    # The mission looks at its map only at the query grid's nodes, which are stored.
+    extent = checked_extent(config.terrain.extent)
+    terrain = Terrain(config.terrain.name, truth, extent, config.terrain.unit or "", "")
+    mission = Mission(config, terrain, recording.seed)
+    mission.grid_truth = truth.ravel()
+    # As many threads as in the run: the order of a sum decides its last digit.
+    with threadpool_limits(limits=1):
+        for epoch in range(len(recording.curve)):
+            batch = _unjudged(table[table["epoch"] == epoch])
+            mission.epoch = epoch
+            mission.observe(batch) if epoch else mission.start(batch)
+            row = mission.evaluate()
+            yield State(
+                row,
+                mission.samples,
+                mission.mean.reshape(mission.shape),
+                mission.latent_std.reshape(mission.shape),
+                mission.outlier_density(),
+            )
+
+
+def difference_from_curve(states: Sequence[State], recording: Recording) -> str:
+    """Say how the recomputed RMSE differs from the stored curve; empty if it does not."""
+    stored = recording.curve["rmse"].to_numpy()
+    recomputed = np.array([state.row.rmse for state in states])
+    apart = np.abs(recomputed - stored)
+    if np.all(apart <= SAME_RMSE * stored):
+        return ""
+    epoch = int(np.argmax(apart))
+    return (
+        f"the recomputed RMSE of {recording.run} seed {recording.seed} is not the stored one "
+        f"({recomputed[epoch]:.4g} instead of {stored[epoch]:.4g} after epoch {epoch}), as with "
+        "another version of the code: the animation shows the recomputed mission"
+    )
+
+
+def thinned(states: Sequence[State], most: int) -> list[State]:
+    """Keep at most so many states, evenly spread, the first and the last among them."""
+    chosen = np.unique(np.linspace(0, len(states) - 1, min(most, len(states))).round().astype(int))
+    return [states[i] for i in chosen]
+
+
+def draw_pictures(states: Sequence[State], recording: Recording) -> Iterator[Picture]:
+    """Draw one picture a state.
+
+    Parameters
+    ----------
+    states
+        In order; all of them fix the colour scales.
+    recording
+        The mission they belong to.
+
+    Yields
+    ------
+    ndarray of uint8, shape (HEIGHT, WIDTH, 3)
+        Red, green, blue.
+    """
+    with style.journal():
+        scene = _Scene(states, recording)
+    for state in states:
+        with style.journal():
+            yield scene.draw(state)
+
+
+def write_gif(pictures: Sequence[Picture], path: Path, fps: float) -> None:
+    """Write an endless GIF whose last picture stands for a while."""
+    import PIL.Image
+
+    # One palette for all pictures: only what changes between two is stored.
+    palette = _palette(np.concatenate([pictures[0], pictures[len(pictures) // 2], pictures[-1]]))
+    frames = [
+        PIL.Image.fromarray(picture).quantize(palette=palette, dither=PIL.Image.Dither.NONE)
+        for picture in pictures
+    ]
+    milliseconds = [round(1000 / fps)] * len(frames)
+    milliseconds[-1] = max(milliseconds[-1], round(1000 * HOLD_SECONDS))
+    frames[0].save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=frames[1:],
+        duration=milliseconds,
+        loop=0,
+        optimize=True,
+    )
+
+
+def write_mp4(pictures: Sequence[Picture], path: Path, fps: float) -> None:
+    """Write an H.264 video by ffmpeg, the last picture standing for a while.
+
+    Raises
+    ------
+    RunError
+        If ffmpeg fails.
+    """
+    height, width = pictures[0].shape[:2]
+    held = [*pictures, *[pictures[-1]] * round(HOLD_SECONDS * fps)]
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps:g} -i -"
+    coded = "-r 25 -c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart -f mp4"
+    command = [find_ffmpeg(), "-y", "-loglevel", "error", *raw.split(), *coded.split(), str(path)]
+    done = subprocess.run(
+        command, input=b"".join(picture.tobytes() for picture in held), capture_output=True
+    )
+    if done.returncode:
+        words = done.stderr.decode(errors="replace").strip().splitlines() or ["it does not say why"]
+        raise RunError(f"ffmpeg could not write {path} ({words[-1]}): use format=gif instead")
+
+
+def find_ffmpeg() -> str:
+    """Path of ffmpeg.
+
+    Raises
+    ------
+    UsageError
+        If it is not installed.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise UsageError(
+            "format=mp4 needs ffmpeg, which is not on the path: install it (on Debian and Ubuntu "
+            "the package is called ffmpeg), or use format=gif"
+        )
+    return found
+
+
+class _Scene:
+    """The picture of a state: axes that stay, and artists whose data change.
+
+    Parameters
+    ----------
+    states
+        All that will be drawn: they fix the colour scales.
+    recording
+        The mission they belong to.
+    """
+
+    def __init__(self, states: Sequence[State], recording: Recording):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.colors import PowerNorm
+        from matplotlib.figure import Figure
+
+        config, truth = recording.config, recording.truth
+        xmin, xmax, ymin, ymax = config.terrain.extent
+        self.extent = (xmin, xmax, ymin, ymax)
+        self.budget, self.unit, self.truth = config.budget, config.terrain.unit or "", truth
+        self.figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
+        self.canvas = FigureCanvasAgg(self.figure)
+        method = f"{config.planner.name}-{config.detector.name}".upper()
+        self._say(
+            14,
+            f"{method} on {config.terrain.name}, ρ = {config.rho:g}, "
+            f"{config.detector.scope} scope, seed {recording.seed}",
+            weight="bold",
+        )
+        self.clock = self._say(WIDTH - 14, "", ha="right")
+        self._draw_path_panel()
+        deviation = max(float(state.std.max()) for state in states)
+        error = float(np.quantile([np.abs(state.mean - truth) for state in states], 0.98))
+        density = max(float(state.density.max()) for state in states)
+        self.mean = self._panel(0, 0, "mean", style.ELEVATION, truth.min(), truth.max())
+        self.std = self._panel(0, 1, "standard deviation", style.DEVIATION, 0, deviation)
+        self.error = self._panel(1, 0, "absolute error", style.ERROR, 0, error)
+        # With nothing flagged, any scale will do.
+        self.density = self._panel(1, 1, "outlier density", style.DENSITY, 0, density or 1.0)
+        # A few places hold most flags: the root lets the others be seen.
+        self.density.set_norm(PowerNorm(0.5, 0, density or 1.0))
+        self._draw_curve_panel(recording.curve, style.COLOURS[method])
+
+    def draw(self, state: State) -> Picture:
+        """Draw a state; returns red, green, blue, shape (HEIGHT, WIDTH, 3)."""
+        row, samples = state.row, state.samples
+        self.clock.set_text(f"{row.collected} of {self.budget} samples, epoch {row.epoch}")
+        self.path.set_data(samples.x[:, 0], samples.x[:, 1])
+        newest = samples[samples.epoch == row.epoch]
+        self.newest.set_data(newest.x[:, 0], newest.x[:, 1])
+        self.robot.set_data(samples.x[-1:, 0], samples.x[-1:, 1])
+        flagged, outlier = samples.flagged, samples.is_outlier
+        for marks, chosen in (
+            (self.caught, flagged & outlier),
+            (self.missed, ~flagged & outlier),
+            (self.false_alarms, flagged & ~outlier),
+        ):
+            marks.set_data(samples.x[chosen, 0], samples.x[chosen, 1])
+        for image, values in (
+            (self.mean, state.mean),
+            (self.std, state.std),
+            (self.error, np.abs(state.mean - self.truth)),
+            (self.density, state.density),
+        ):
+            image.set_data(values)
+        self.error.axes.set_title(f"absolute error, RMSE {row.rmse:.0f} {self.unit}", loc="left")
+        so_far = self.stored["collected"] <= row.collected
+        self.curve.set_data(self.stored["collected"][so_far], self.stored["rmse"][so_far])
+        self.point.set_data([row.collected], [row.rmse])
+        self.canvas.draw()
+        return np.asarray(self.canvas.buffer_rgba())[:, :, :3].copy()
+
+    def _draw_path_panel(self) -> None:
+        axes = self._axes(36, 186, 396, 396)
+        style.show_relief(axes, self.truth, self.extent)
+        axes.set(xlabel="", ylabel="")
+        axes.set_title("ground truth, path and samples", loc="left")
+        (self.path,) = axes.plot([], [], color="white", lw=0.8, alpha=0.75)
+        (self.newest,) = axes.plot([], [], ".-", color="white", lw=1.4, ms=3.5)
+        (self.missed,) = axes.plot([], [], "v", color="#FF4FB0", label="spike missed")
+        (self.caught,) = axes.plot([], [], "o", color="white", label="spike caught")
+        (self.false_alarms,) = axes.plot([], [], "X", color="#FF6A00", label="false alarm")
+        marks = [self.caught, self.missed, self.false_alarms]
+        for mark in marks:
+            mark.set(markersize=5.5, markeredgecolor="black", markeredgewidth=0.6)
+        (self.robot,) = axes.plot([], [], "D", color="black", mec="white", label="robot")
+        axes.legend(
+            handles=[*marks, self.robot], ncols=4, loc="upper left", bbox_to_anchor=(0, -0.05),
+            borderaxespad=0, handletextpad=0.2, columnspacing=1.2,
+        )  # fmt: skip
+
+    def _panel(
+        self, row: int, column: int, title: str, cmap: str, vmin: float, vmax: float
+    ) -> "AxesImage":
+        """Draw a small map with its colour bar; row 0 is the upper one."""
+        left, bottom, side = 482 + 240 * column, 402 - 216 * row, 180
+        axes = self._axes(left, bottom, side, side)
+        image = style.show_map(axes, self.truth, self.extent, cmap=cmap, vmin=vmin, vmax=vmax)
+        axes.set(xlabel="", ylabel="", xticks=[], yticks=[])
+        axes.set_title(title, loc="left")
+        bar = self.figure.colorbar(image, cax=self._axes(left + side + 6, bottom, 8, side))
+        bar.outline.set_linewidth(0.6)
+        return axes.images[0]
+
+    def _draw_curve_panel(self, curve: pd.DataFrame, colour: str) -> None:
+        self.stored = curve
+        axes = self._axes(54, 42, 878, 84)
+        axes.plot(curve["collected"], curve["rmse"], color=colour, alpha=0.3)
+        (self.curve,) = axes.plot([], [], color=colour, lw=1.6)
+        (self.point,) = axes.plot([], [], "o", color=colour, ms=5, clip_on=False)
+        axes.set(xlim=(0, self.budget), ylim=(0, None), xlabel="samples collected",
+                 ylabel=f"RMSE ({self.unit})")  # fmt: skip
+        axes.spines[["top", "right"]].set_visible(False)
+
+    def _axes(self, left: float, bottom: float, width: float, height: float) -> "Axes":
+        """Axes at a place given in pixels."""
+        return self.figure.add_axes((left / WIDTH, bottom / HEIGHT, width / WIDTH, height / HEIGHT))
+
+    def _say(self, left: float, text: str, **look: Any) -> "Text":
+        """Write into the headline, so many pixels from the left."""
+        return self.figure.text(left / WIDTH, 1 - 24 / HEIGHT, text, size=9.5, **look)
+
+
+def _is_papers_own(results_dir: Path, run: str) -> bool:
+    """Whether a run is PUCT-COPOD at rho 0.1 and scope batch."""
+    science = read_footer(next(results_dir.glob(f"curves/run={run}/seed=*.parquet")))[
+        "configuration"
+    ]
+    method = science["planner"]["name"], science["detector"]["name"], science["detector"]["scope"]
+    return method == ("puct", "copod", "batch") and science["rho"] == 0.1
+
+
+def _unjudged(part: pd.DataFrame) -> Samples:
+    """Return the samples of an epoch as the sensor left them."""
+    n = len(part)
+    return Samples(
+        epoch=part["epoch"].to_numpy(),
+        x=part[["x1", "x2"]].to_numpy(),
+        heading=part["heading"].to_numpy(),
+        truth=part["truth"].to_numpy(),
+        measured=part["measured"].to_numpy(),
+        is_outlier=part["is_outlier"].to_numpy(),
+        flagged=np.zeros(n, dtype=bool),
+        score=np.full(n, np.nan),
+    )
+
+
+def _palette(picture: Picture) -> "PIL.Image.Image":
+    """Choose the colours of a GIF: many for the maps, and some for the few pixels of the marks."""
+    import PIL.Image
+
+    # Every shade counts by the root of its area, or small marks would get no colour of their own.
+    coarse = (picture >> 3).astype(np.int64) @ (1 << 10, 1 << 5, 1)
+    areas = np.bincount(coarse.ravel(), minlength=1 << 15)
+    areas[[0, -1]] = 0  # black and white are given
+    shades = np.repeat(np.arange(1 << 15), np.sqrt(areas).astype(int))
+    swatches = np.stack([shades >> 10, shades >> 5 & 31, shades & 31], axis=-1) * 8 + 4
+    found = PIL.Image.fromarray(swatches[None].astype(np.uint8)).quantize(COLOURS - 2)
+    colours = [*(found.getpalette() or [])[: 3 * (COLOURS - 2)], 0, 0, 0, 255, 255, 255]
+    palette = PIL.Image.new("P", (1, 1))
+    palette.putpalette(colours)
+    return palette
+
+
+def _tracked(items: Iterator[Item], total: int, what: str, console: Console) -> Iterator[Item]:
+    """Pass items on and show how many are done: a bar, or lines where there is no terminal."""
+    if console.is_terminal:
+        yield from track(items, what, total, console=console, transient=True)
+        return
+    last = time.monotonic()
+    for done, item in enumerate(items, start=1):
+        yield item
+        if done == total or time.monotonic() - last >= LINE_SECONDS:
+            last = time.monotonic()
+            console.print(f"{what}: {done} of {total}", soft_wrap=True)
