@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from infoplan.analyse.claims import METHODS, judge_claims
     from infoplan.analyse.curves import (
         area_under_curve,
         compare,
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         value_at,
     )
     from infoplan.analyse.detection import detector_quality, rejudge, roc_auc
+    from infoplan.analyse.judging import Claim, Comparison, Stated
     from infoplan.analyse.relief import by_relief, local_relief
     from infoplan.analyse.statistics import (
         Interval,
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
+    "claims": ("METHODS", "judge_claims"),
     "curves": (
         "area_under_curve",
         "compare",
@@ -49,6 +52,7 @@ _HOMES = {
         "value_at",
     ),
     "detection": ("detector_quality", "rejudge", "roc_auc"),
+    "judging": ("Claim", "Comparison", "Stated"),
     "relief": ("by_relief", "local_relief"),
     "statistics": (
         "Interval",
@@ -70,9 +74,13 @@ _HOMES = {
 }
 
 __all__ = [
+    "METHODS",
+    "Claim",
+    "Comparison",
     "Interval",
     "PairedDifference",
     "Selection",
+    "Stated",
     "area_under_curve",
     "bootstrap",
     "bootstrap_band",
@@ -83,6 +91,7 @@ __all__ = [
     "find_missions",
     "find_study",
     "interquartile_mean",
+    "judge_claims",
     "load_curves",
     "load_maps",
     "load_samples",

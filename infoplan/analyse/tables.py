@@ -83,12 +83,15 @@ class Selection:
         """Seeds of a run, ascending."""
         return sorted(self.missions.loc[self.missions["run"] == run, "seed"])
 
-    def only(self, runs: Iterable[str]) -> "Selection":
-        """Return the missions of some runs alone."""
+    def only(self, runs: Iterable[str], seeds: Iterable[int] | None = None) -> "Selection":
+        """Return the missions of some runs, and of some seeds, alone."""
         kept = set(runs)
+        missions = self.missions[self.missions["run"].isin(kept)]
+        if seeds is not None:
+            missions = missions[missions["seed"].isin(list(seeds))]
         return replace(
             self,
-            missions=self.missions[self.missions["run"].isin(kept)].reset_index(drop=True),
+            missions=missions.reset_index(drop=True),
             options={run: flat for run, flat in self.options.items() if run in kept},
         )
 

@@ -66,6 +66,8 @@ SETTINGS: Any = {
     "ytick.major.pad": 2.0,
     "legend.fontsize": 6.5,
     "legend.frameon": False,
+    "grid.color": "0.85",
+    "grid.linewidth": 0.3,
     "lines.linewidth": 1.2,
     # Type 42 embeds the fonts whole, which publishers ask for.
     "pdf.fonttype": 42,
@@ -128,6 +130,7 @@ def show_map(
     cmap: str,
     vmin: float | None = None,
     vmax: float | None = None,
+    smooth: bool = True,
 ) -> "ScalarMappable":
     """Draw a map whose nodes lie on the borders of the extent, row 0 at the bottom.
 
@@ -141,6 +144,8 @@ def show_map(
         xmin, xmax, ymin, ymax, workspace units.
     cmap, vmin, vmax
         Colour map and its ends; those of the values if None.
+    smooth
+        Interpolate between the nodes.
 
     Returns
     -------
@@ -154,42 +159,50 @@ def show_map(
         cmap=cmap,
         vmin=vmin,
         vmax=vmax,
-        interpolation="bicubic",
+        interpolation="bicubic" if smooth else "nearest",
     )
     workspace(axes, extent)
     return image
 
 
 def show_relief(
-    axes: "Axes",
-    elevation: Floats,
-    extent: Extent,
-    *,
-    vmin: float | None = None,
-    vmax: float | None = None,
-    cmap: str = ELEVATION,
+    axes: "Axes", elevation: Floats, extent: Extent, *, like: Floats | None = None
 ) -> "ScalarMappable":
-    """Draw an elevation map, hill-shaded from the north-west; parameters as in `show_map`."""
+    """Draw an elevation map, hill-shaded from the north-west.
+
+    Parameters
+    ----------
+    axes, elevation, extent
+        As for `show_map`.
+    like
+        Another elevation map whose range of colours and whose shading are taken.
+
+    Returns
+    -------
+    ScalarMappable
+        For a colour bar.
+    """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    norm = Normalize(
-        elevation.min() if vmin is None else vmin, elevation.max() if vmax is None else vmax
-    )
+    like = elevation if like is None else like
     axes.imshow(
-        shaded(elevation, extent, norm.vmin, norm.vmax, cmap),
+        shaded(elevation, extent, like),
         extent=_pixel_extent(elevation.shape, extent),
         origin="lower",
         interpolation="bicubic",
     )
     workspace(axes, extent)
-    return ScalarMappable(norm, cmap)
+    return ScalarMappable(Normalize(like.min(), like.max()), ELEVATION)
 
 
-def shaded(
-    elevation: Floats, extent: Extent, vmin: float | None, vmax: float | None, cmap: str = ELEVATION
-) -> Floats:
+def shaded(elevation: Floats, extent: Extent, like: Floats) -> Floats:
     """Colour an elevation map and shade it, light from the north-west.
+
+    Parameters
+    ----------
+    elevation, extent, like
+        As for `show_relief`.
 
     Returns
     -------
@@ -201,14 +214,13 @@ def shaded(
 
     rows, columns = elevation.shape
     dy, dx = (extent[3] - extent[2]) / (rows - 1), (extent[1] - extent[0]) / (columns - 1)
-    slope = np.hypot(*np.gradient(elevation, dy, dx))
     # Heights and lengths have different units: the steep tenth of the map gets 45 degrees.
-    steep = float(np.quantile(slope, 0.9)) or 1.0
+    steep = float(np.quantile(np.hypot(*np.gradient(like, dy, dx)), 0.9)) or 1.0
     # The light source takes the first row for the north; ours is the south.
     rgba = LightSource(azdeg=315, altdeg=45).shade(
         elevation[::-1],
-        colormaps[cmap],
-        norm=Normalize(vmin, vmax),
+        colormaps[ELEVATION],
+        norm=Normalize(like.min(), like.max()),
         blend_mode="soft",
         vert_exag=1.0 / steep,
         dx=dx,
@@ -219,6 +231,8 @@ def shaded(
 
 def workspace(axes: "Axes", extent: Extent) -> None:
     """Frame the workspace, axes labelled in its units."""
+    from matplotlib.ticker import MaxNLocator
+
     axes.set(
         xlim=extent[:2],
         ylim=extent[2:],
@@ -226,14 +240,25 @@ def workspace(axes: "Axes", extent: Extent) -> None:
         xlabel="$x_1$ (workspace units)",
         ylabel="$x_2$ (workspace units)",
     )
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(5))
 
 
-def colour_bar(image: "ScalarMappable", axes: "Axes | list[Axes]", label: str) -> None:
-    """Put a slim colour bar beside the axes."""
-    first = axes[0] if isinstance(axes, list) else axes
-    figure = first.figure
-    bar = figure.colorbar(image, ax=axes, label=label, fraction=0.05, pad=0.02, aspect=25)
+def colour_bar(
+    image: "ScalarMappable",
+    axes: "Axes",
+    label: str,
+    *,
+    whole: bool = False,
+    extend: str = "neither",
+) -> None:
+    """Put a slim colour bar beside the axes, as high as they are; `whole`: whole numbers alone."""
+    from matplotlib.ticker import MaxNLocator
+
+    place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
+    bar = axes.figure.colorbar(image, cax=place, label=label, extend=extend)
     bar.outline.set_linewidth(0.6)
+    place.yaxis.set_major_locator(MaxNLocator(6, integer=whole))
 
 
 def panel(axes: "Axes", letter: str, title: str) -> None:

@@ -1,0 +1,110 @@
+"""Which figures there are, what they need, and drawing them from the stored results."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from infoplan.analyse.commands import Wanted, commands
+from infoplan.analyse.tables import Selection
+from infoplan.errors import UsageError
+from infoplan.wording import suggest
+
+NAMES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
+"""The paper's data figures, each drawn by the module of its name."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What became of a figure.
+
+    Attributes
+    ----------
+    name
+        Which.
+    files
+        Its PNG, PDF and CSV; none if it could not be drawn.
+    problem
+        A sentence about what is missing, with the command that makes it; empty if nothing is.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    problem: str
+
+
+def draw_figures(
+    selection: Selection,
+    names: Sequence[str] = NAMES,
+    *,
+    seed: int = 0,
+    single_seeds: bool = False,
+) -> list[Drawn]:
+    """Draw figures into the folder ``figures`` of the results.
+
+    Parameters
+    ----------
+    selection
+        From `infoplan.analyse.find_study`.
+    names
+        Which.
+    seed
+        Of the missions whose maps are shown.
+    single_seeds
+        Fig. 5 shows each seed, too.
+
+    Returns
+    -------
+    list of Drawn
+        One a figure. Fig. 5 is drawn from what is there; the others need all their runs.
+
+    Raises
+    ------
+    UsageError
+        On an unknown figure.
+    """
+    for name in names:
+        if name not in NAMES:
+            raise UsageError(
+                f"there is no figure {name!r}{suggest(name, NAMES)}: use {', '.join(NAMES)}"
+            )
+    folder, drawn = selection.results_dir / "figures", []
+    for name in dict.fromkeys(names):
+        module = import_module(f"infoplan.draw.{name}")
+        lacking = [need for need in module.NEEDS if selection.run(*need) is None]
+        files: list[Path] = []
+        if name == "fig5":
+            problem = _missing(name, lacking, selection)
+            if len(lacking) < len(module.NEEDS):
+                files = module.draw(selection, folder, single_seeds=single_seeds)
+        else:
+            problem = _missing(name, lacking, selection) or _seedless(
+                name, module.NEEDS, selection, seed
+            )
+            if not problem:
+                files = module.draw(selection, folder, seed)
+        drawn.append(Drawn(name, tuple(files), problem))
+    return drawn
+
+
+def _missing(name: str, lacking: list[Wanted], selection: Selection) -> str:
+    if not lacking:
+        return ""
+    runs = ", ".join(
+        f"{method} at rho {rho:g}" + (" historical" if scope == "historical" else "")
+        for method, rho, scope in lacking
+    )
+    return f"{name} lacks {runs}: make it with {'; '.join(commands(selection, lacking))}"
+
+
+def _seedless(name: str, needs: Sequence[Wanted], selection: Selection, seed: int) -> str:
+    common: set[int] | None = None
+    for need in needs:
+        seeds = set(selection.seeds(str(selection.run(*need))))
+        common = seeds if common is None else common & seeds
+    if common and seed in common:
+        return ""
+    if not common:
+        return f"{name} needs a seed that all its runs have: run them with the same seeds"
+    known = ", ".join(map(str, sorted(common)))
+    return f"{name} cannot show seed {seed}, which not all its runs have: choose seed= of {known}"
