@@ -2,13 +2,21 @@
 
 import os
 import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from infoplan.analyse.tables import Selection
 
 USAGE = """\
 infoplan: informative planning in the presence of outliers
 
   infoplan run [option=value ...]      run a configuration with all its seeds
   infoplan run -m [option=v1,v2 ...]   run every combination, in one pool of workers
+  infoplan status [option=v1,v2 ...]   what is done, failed, missing
   infoplan audit [run=... seeds=...]   recompute stored runs with other libraries
+  infoplan figures [fig5 fig7 ...]     draw the paper's figures from stored results
+  infoplan claims [--json|--markdown]  judge the paper's claims by stored results
+  infoplan show [run]                  one stored run: curve, detector, time
   infoplan animate [run=... seed=...]  one stored mission as GIF or MP4
   infoplan terrain list|show|fetch     the maps
 
@@ -92,6 +100,12 @@ def _run(arguments: list[str]) -> int:
     from infoplan.hydra_front import run
 
     return run(arguments)
+
+
+def _status(arguments: list[str]) -> int:
+    from infoplan.study.status import status
+
+    return status(arguments)
 
 
 def _audit(arguments: list[str]) -> int:
@@ -189,7 +203,87 @@ def _animate(arguments: list[str]) -> int:
     return EXIT_OK
 
 
-COMMANDS = {"run": _run, "audit": _audit, "terrain": _terrain, "animate": _animate}
+def _figures(arguments: list[str]) -> int:
+    from infoplan.draw.figures import check_names, draw_figures
+
+    named, rest = _named(arguments)
+    names = check_names(named)
+    study, chosen = _study("figures", rest, {"seed": 0, "--seeds": False})
+    problems = list(study.notes)
+    drawn = draw_figures(study, names, seed=chosen["seed"], single_seeds=chosen["--seeds"])
+    for figure in drawn:
+        for path in figure.files:
+            print(path)
+        problems += [figure.problem] if figure.problem else []
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    return EXIT_FAILED if any(figure.problem for figure in drawn) else EXIT_OK
+
+
+def _claims(arguments: list[str]) -> int:
+    from infoplan.analyse.claims import judge_claims
+    from infoplan.draw.claims_table import as_json, markdown, print_claims
+    from infoplan.errors import UsageError
+    from infoplan.study.summary import wide_console
+
+    study, chosen = _study("claims", arguments, {"--json": False, "--markdown": False})
+    if chosen["--json"] and chosen["--markdown"]:
+        raise UsageError("claims are written as --json or as --markdown, not both")
+    claims = judge_claims(study)
+    if chosen["--json"]:
+        print(as_json(claims, study))
+    elif chosen["--markdown"]:
+        print(markdown(claims, study))
+    else:
+        print_claims(claims, study, wide_console())
+    return EXIT_OK
+
+
+def _show(arguments: list[str]) -> int:
+    from infoplan.analyse.tables import find_missions
+    from infoplan.draw.show import show
+    from infoplan.overrides import parse
+    from infoplan.study.summary import wide_console
+
+    named, rest = _named(arguments)
+    runs = [f"run={name}" for name in named]
+    chosen = parse("show", runs + rest, {"results_dir": "results", "run": ""})
+    show(find_missions(chosen["results_dir"], run=chosen["run"] or None), wide_console())
+    return EXIT_OK
+
+
+def _named(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Part the plain names from the options and flags."""
+    named = [a for a in arguments if "=" not in a and not a.startswith("-")]
+    return named, [argument for argument in arguments if argument not in named]
+
+
+def _study(
+    command: str, arguments: list[str], defaults: dict[str, Any]
+) -> "tuple[Selection, dict[str, Any]]":
+    """Read a command's options; find the study that they, and any options of a run, choose."""
+    from infoplan.analyse.tables import find_study
+    from infoplan.config import MissionConfig, options
+    from infoplan.overrides import parse
+
+    of_runs = {name for name, _, _ in options(MissionConfig()) if "." in name} | {"budget", "grid"}
+    filters = [argument for argument in arguments if argument.partition("=")[0] in of_runs]
+    rest = [argument for argument in arguments if argument not in filters]
+    chosen = parse(command, rest, {"results_dir": "results", "terrain": None, **defaults})
+    wanted = parse(command, filters, dict.fromkeys(of_runs))
+    return find_study(chosen["results_dir"], terrain=chosen["terrain"], **wanted), chosen
+
+
+COMMANDS = {
+    "run": _run,
+    "status": _status,
+    "figures": _figures,
+    "claims": _claims,
+    "show": _show,
+    "audit": _audit,
+    "terrain": _terrain,
+    "animate": _animate,
+}
 
 
 def _wants_traceback() -> bool:

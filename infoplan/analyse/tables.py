@@ -201,7 +201,13 @@ def find_study(results_dir: str | Path, **filters: Any) -> Selection:
         if of_detector:
             tuned[run] = {name: science[name] for name in of_detector}
     selection = _agreeing(selection, shared)
-    return _agreeing(selection, {run: tuned[run] for run in tuned if run in selection.options})
+    tuned = {run: tuned[run] for run in tuned if run in selection.options}
+    selection = _agreeing(selection, tuned)
+    seeds = selection.missions.groupby("run")["seed"].nunique()
+    if seeds.min() == seeds.max():
+        return selection
+    note = f"the runs have {seeds.min()} to {seeds.max()} seeds; pairs use the seeds both have"
+    return replace(selection, notes=(*selection.notes, note))
 
 
 def load_curves(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:

@@ -31,7 +31,8 @@ def print_claims(claims: list[Claim], selection: Selection, console: "Console") 
         colour = COLOURS[claim.verdict]
         verdict = f"[{colour}]{claim.verdict.upper()}[/]"
         table.add_row(f"[bold]{claim.name}[/]", f"[bold]{claim.text}[/]", "", "", "", verdict)
-        for item in claim.comparisons:
+        judged = any(not item.lacks for item in claim.comparisons)
+        for item in claim.comparisons if judged else ():
             table.add_row(
                 "",
                 item.what,
@@ -121,19 +122,14 @@ def advice(claim: Claim) -> str:
 def remarks(claims: list[Claim], selection: Selection) -> list[str]:
     """Say what the reader should know besides: what was left out, what to run, few seeds."""
     lines = list(selection.notes)
+    lacking: dict[str, list[str]] = {}
     for claim in claims:
-        if claim.verdict == "missing" and claim.commands:
-            lines.append(f"{claim.name} lacks runs; make them with: {'; '.join(claim.commands)}")
-        elif claim.verdict == "missing":
-            lines.append(
-                f"{claim.name} cannot be judged at budget {selection.budget}: run a larger one"
-            )
-    seeds = selection.missions.groupby("run")["seed"].nunique()
-    if seeds.min() != seeds.max():
-        lines.append(
-            f"the runs have {seeds.min()} to {seeds.max()} seeds; pairs use those both have"
-        )
-    if seeds.max() < FEW:
+        if claim.verdict == "missing":
+            cure = "; ".join(claim.commands) or f"a budget above {selection.budget}"
+            lacking.setdefault(cure, []).append(claim.name)
+    for cure, names in lacking.items():
+        lines.append(f"{', '.join(names)}: missing, to be had with {cure}")
+    if selection.missions.groupby("run")["seed"].nunique().min() < FEW:
         lines.append(f"with fewer than {FEW} seeds the intervals are too narrow to lean on")
     return lines
 

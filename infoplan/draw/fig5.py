@@ -19,9 +19,11 @@ PANELS = {
 """Share of outliers and the detector's scope of each panel."""
 
 NEEDS = tuple(
-    (method, rho, scope if method.endswith("COPOD") else "batch")
-    for rho, scope in PANELS.values()
-    for method in METHODS
+    dict.fromkeys(
+        (method, rho, scope if method.endswith("COPOD") else "batch")
+        for rho, scope in PANELS.values()
+        for method in METHODS
+    )
 )
 
 
@@ -39,7 +41,7 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
             title = f"$\\rho$ = {rho:.2f}" + (", historical" if scope == "historical" else "")
             style.panel(axes, letter, title)
             here = numbers[numbers["panel"] == letter]
-            for method in METHODS:
+            for method in here["method"].unique():
                 curve = here[here["method"] == method]
                 colour, dashes = style.COLOURS[method], style.DASHES[method]
                 if single_seeds:

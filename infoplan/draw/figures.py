@@ -13,6 +13,9 @@ from infoplan.wording import suggest
 NAMES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
 """The paper's data figures, each drawn by the module of its name."""
 
+MOST_NAMED = 4
+"""So many missing runs are named at most."""
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -35,7 +38,7 @@ class Drawn:
 
 def draw_figures(
     selection: Selection,
-    names: Sequence[str] = NAMES,
+    names: Sequence[str] = (),
     *,
     seed: int = 0,
     single_seeds: bool = False,
@@ -47,7 +50,7 @@ def draw_figures(
     selection
         From `infoplan.analyse.find_study`.
     names
-        Which.
+        Which; all if none.
     seed
         Of the missions whose maps are shown.
     single_seeds
@@ -63,13 +66,8 @@ def draw_figures(
     UsageError
         On an unknown figure.
     """
-    for name in names:
-        if name not in NAMES:
-            raise UsageError(
-                f"there is no figure {name!r}{suggest(name, NAMES)}: use {', '.join(NAMES)}"
-            )
     folder, drawn = selection.results_dir / "figures", []
-    for name in dict.fromkeys(names):
+    for name in check_names(names):
         module = import_module(f"infoplan.draw.{name}")
         lacking = [need for need in module.NEEDS if selection.run(*need) is None]
         files: list[Path] = []
@@ -87,14 +85,33 @@ def draw_figures(
     return drawn
 
 
+def check_names(names: Sequence[str]) -> list[str]:
+    """Return figures' names, each once; none stands for all.
+
+    Raises
+    ------
+    UsageError
+        On an unknown figure.
+    """
+    for name in names:
+        if name not in NAMES:
+            raise UsageError(
+                f"there is no figure {name!r}{suggest(name, NAMES)}: use {', '.join(NAMES)}"
+            )
+    return list(dict.fromkeys(names)) or list(NAMES)
+
+
 def _missing(name: str, lacking: list[Wanted], selection: Selection) -> str:
     if not lacking:
         return ""
-    runs = ", ".join(
+    runs = [
         f"{method} at rho {rho:g}" + (" historical" if scope == "historical" else "")
         for method, rho, scope in lacking
-    )
-    return f"{name} lacks {runs}: make it with {'; '.join(commands(selection, lacking))}"
+    ]
+    if len(runs) > MOST_NAMED:
+        runs = [*runs[:MOST_NAMED], f"{len(runs) - MOST_NAMED} more"]
+    cure = "; ".join(commands(selection, lacking))
+    return f"{name} lacks {', '.join(runs)}: run {cure}"
 
 
 def _seedless(name: str, needs: Sequence[Wanted], selection: Selection, seed: int) -> str:

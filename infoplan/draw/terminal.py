@@ -1,14 +1,19 @@
 """Curves drawn in characters."""
 
 from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from infoplan.analyse.curves import value_at
-
 Floats = NDArray[np.float64]
+
+
+class Curve(Protocol):
+    """A learning curve: a table, or what else has columns."""
+
+    def __getitem__(self, name: str, /) -> Any: ...
+
 
 # Bits of the eight dots of a Braille character: rows from the top, left and right column.
 BRAILLE = 0x2800
@@ -106,30 +111,34 @@ def plot_lines(
     return lines
 
 
-def small_curves(runs: Sequence[Sequence[pd.DataFrame]], *, braille: bool = True) -> list[str]:
+def small_curves(runs: Sequence[Sequence[Curve]], *, braille: bool = True) -> list[str]:
     """Draw the mean RMSE curve of each run in 12 x 3 characters, all on one scale from zero.
 
     Parameters
     ----------
     runs
-        For each run, its missions' learning curves.
+        For each run its missions' learning curves: something whose items ``collected`` and
+        ``rmse`` are arrays.
     braille
         As for `curve_lines`.
 
     Returns
     -------
     list of str
-        One a run, its lines joined by line ends.
+        One a run, its lines joined by line ends; empty for a run without curves.
     """
-    means = []
+    means: list[tuple[Floats, Floats] | None] = []
     for curves in runs:
-        first = max(curve["collected"].iloc[0] for curve in curves)
-        last = min(curve["collected"].iloc[-1] for curve in curves)
-        axis = np.linspace(first, last, 100)
-        means.append((axis, np.mean([value_at(curve, axis) for curve in curves], axis=0)))
-    high = max((mean.max() for _, mean in means), default=1.0)
+        if not curves:
+            means.append(None)
+            continue
+        points = [(np.asarray(c["collected"], float), np.asarray(c["rmse"], float)) for c in curves]
+        axis = np.linspace(max(x[0] for x, _ in points), min(x[-1] for x, _ in points), 100)
+        means.append((axis, np.mean([np.interp(axis, x, y) for x, y in points], axis=0)))
+    high = max((float(mean[1].max()) for mean in means if mean), default=1.0)
+    size = {"width": 12, "height": 3}
     return [
-        "\n".join(curve_lines(*mean, width=12, height=3, low=0.0, high=high, braille=braille))
+        "\n".join(curve_lines(*mean, **size, low=0.0, high=high, braille=braille)) if mean else ""
         for mean in means
     ]
 
