@@ -16,6 +16,7 @@ infoplan: informative planning in the presence of outliers
   infoplan audit [run=... seeds=...]   recompute stored runs with other libraries
   infoplan figures [fig5 fig7 ...]     draw the paper's figures from stored results
   infoplan claims [--json|--markdown]  judge the paper's claims by stored results
+  infoplan report                      curves, claims and maps as one HTML page
   infoplan show [run]                  one stored run: curve, detector, time
   infoplan animate [run=... seed=...]  one stored mission as GIF or MP4
   infoplan terrain list|show|fetch     the maps
@@ -239,6 +240,14 @@ def _claims(arguments: list[str]) -> int:
     return EXIT_OK
 
 
+def _report(arguments: list[str]) -> int:
+    from infoplan.draw.report import write_report
+
+    study, _ = _study("report", arguments, {})
+    print(f"reported to {write_report(study)}")
+    return EXIT_OK
+
+
 def _show(arguments: list[str]) -> int:
     from infoplan.analyse.tables import find_missions
     from infoplan.draw.show import show
@@ -279,6 +288,7 @@ COMMANDS = {
     "status": _status,
     "figures": _figures,
     "claims": _claims,
+    "report": _report,
     "show": _show,
     "audit": _audit,
     "terrain": _terrain,
