@@ -1,6 +1,6 @@
 """The paper's claims C1 to C12 against the stored results."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -59,7 +59,7 @@ WORDS = {
 WITHOUT_UNIT = ("fp", "false_alarm_rate", "recall_lost", "returned")
 
 
-def judge_claims(selection: Selection) -> list[Claim]:
+def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Claim]:
     """Judge the paper's claims by the stored results.
 
     Parameters
@@ -67,17 +67,20 @@ def judge_claims(selection: Selection) -> list[Claim]:
     selection
         From `infoplan.analyse.find_study`: the runs compared differ in planner, detector, scope and
         rho alone.
+    names
+        Which claims: C1 to C12 if not given.
 
     Returns
     -------
     list of Claim
-        C1 to C12. The margin m is 5 % of the standard deviation of the terrain on the query grid.
+        In the order of the names. The margin m is 5 % of the standard deviation of the terrain on
+        the query grid.
     """
     evidence = Evidence(selection)
     claims = []
-    for name, comparisons in COMPARISONS.items():
+    for name in names:
         evidence.missing.clear()
-        made = tuple(comparisons(evidence))
+        made = tuple(COMPARISONS[name](evidence))
         claims.append(Claim(name, TEXTS[name], made, commands(selection, evidence.missing)))
     return claims
 

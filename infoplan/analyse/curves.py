@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -76,9 +77,9 @@ def mean_between(curve: pd.DataFrame, low: float, high: float, column: str = "rm
 
 def missions(curves: pd.DataFrame) -> Iterator[tuple[tuple[str, int], pd.DataFrame]]:
     """Walk over the missions of a table, as ((run, seed), rows)."""
-    for run, of_run in curves.groupby("run"):
-        for seed in sorted(set(of_run["seed"])):
-            yield (str(run), int(seed)), of_run[of_run["seed"] == seed]
+    grouped: Any = curves.groupby(["run", "seed"], sort=True)
+    for (run, seed), rows in grouped:
+        yield (str(run), int(seed)), rows
 
 
 def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:

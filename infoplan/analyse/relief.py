@@ -39,6 +39,8 @@ def local_relief(
 ) -> Floats:
     """Highest less lowest elevation among the nodes within a radius of each node.
 
+    On a grid whose nodes lie further apart than the radius, its spacing takes the radius' place.
+
     Parameters
     ----------
     elevation
@@ -57,6 +59,7 @@ def local_relief(
 
     rows, columns = elevation.shape
     dy, dx = (extent[3] - extent[2]) / (rows - 1), (extent[1] - extent[0]) / (columns - 1)
+    radius = max(radius, dx, dy)
     down, right = int(radius / dy + 1e-9), int(radius / dx + 1e-9)
     i, j = np.mgrid[-down : down + 1, -right : right + 1]
     disc = np.hypot(i * dy, j * dx) <= radius * (1 + 1e-9)

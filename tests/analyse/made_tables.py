@@ -1,0 +1,155 @@
+"""Made-up missions of any numbers, stored in the layout of the result tables."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from infoplan.config import CopodConfig, DetectorConfig, MissionConfig
+
+SIDE = 26
+"""Nodes of the made-up query grid along a side of the workspace, 50 units."""
+
+
+def truth() -> np.ndarray:
+    """Elevations on the query grid: smooth in the west, rugged in the east, deviation 100."""
+    i, j = np.mgrid[:SIDE, :SIDE]
+    rough = np.where(j > SIDE // 2, (-1.0) ** (i + j) * 5.0, 0.02 * (i + j))
+    return (rough - rough.mean()) / rough.std() * 100.0 + 1000.0
+
+
+def store(
+    folder: Path,
+    method: str,
+    rho: float = 0.1,
+    scope: str = "batch",
+    seed: int = 0,
+    *,
+    collected: Sequence[float] = (100, 1000, 2000),
+    rmse: Sequence[float] | None = None,
+    counts: Sequence[tuple[int, int, int, int]] | None = None,
+    samples: dict[str, Any] | None = None,
+    mean: np.ndarray | None = None,
+    std: float = 50.0,
+    terrain: str = "helens",
+    schema_version: int = 1,
+    **options: Any,
+) -> str:
+    """Store one mission, and return its run's name.
+
+    Parameters
+    ----------
+    folder
+        Results folder.
+    method, rho, scope, seed
+        Which; the method as ``uct-copod``.
+    collected, rmse, counts
+        The curve (level at 500 if none is given), and its rows' tp, fp, fn, tn.
+    samples
+        Columns of the samples table that are not the made-up ones.
+    mean, std
+        Final mean (shape of `truth`) and standard deviation.
+    terrain, schema_version
+        What the footer says.
+    **options
+        Options of the configuration; a double underscore stands for the dot.
+    """
+    configuration = configured(method, rho, scope, terrain, int(collected[-1]), options)
+    digest = hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()[:8]
+    planner, detector = method.split("-")
+    scope = configuration["detector"]["scope"]
+    run = f"{planner}-{detector}-{terrain}-rho{rho:g}-{scope}-{digest}"
+    rows = len(collected)
+    tp, fp, fn, tn = np.array(counts or [(0, 0, 0, 0)] * rows).T
+    curve = {
+        "planner": [planner] * rows,
+        "detector": [detector] * rows,
+        "scope": [scope] * rows,
+        "rho": [rho] * rows,
+        "terrain": [terrain] * rows,
+        "seed": [seed] * rows,
+        "epoch": range(rows),
+        "collected": collected,
+        "rmse": np.full(rows, 500.0) if rmse is None else np.asarray(rmse, dtype=float),
+        "tp": tp,
+        "fp": fp,
+        "fn": fn,
+        "tn": tn,
+        **{f"{part}_seconds": [0.25] * rows for part in ("plan", "fit", "predict", "detect")},
+    }
+    y, x = (axis.ravel() for axis in np.mgrid[0 : 50 : SIDE * 1j, 0 : 50 : SIDE * 1j])
+    maps = {
+        "seed": [seed] * len(x),
+        "x1": x,
+        "x2": y,
+        "truth": truth().ravel(),
+        "mean": (truth() if mean is None else mean).ravel(),
+        "std": np.full(len(x), std),
+        "outlier_density": np.zeros(len(x)),
+    }
+    tables = {"curves": curve, "samples": made_samples(seed, samples or {}), "maps": maps}
+    footer = {
+        "schema_version": schema_version,
+        "run": run,
+        "seed": seed,
+        "terrain": {"name": terrain, "sha256": "0" * 64},
+        "configuration": configuration,
+    }
+    for name, columns in tables.items():
+        table = pa.table({key: pa.array(values) for key, values in columns.items()})
+        path = folder / name / f"run={run}" / f"seed={seed}.parquet"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pq.write_table(table.replace_schema_metadata({"infoplan": json.dumps(footer)}), path)
+    return run
+
+
+def configured(
+    method: str, rho: float, scope: str, terrain: str, budget: int, options: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the nested configuration of a run."""
+    planner, detector = method.split("-")
+    config = MissionConfig(rho=rho, budget=budget, grid=[SIDE, SIDE])
+    config.detector = CopodConfig() if detector == "copod" else DetectorConfig(name=detector)
+    configuration = asdict(config)
+    configuration["planner"]["name"] = planner
+    configuration["detector"]["scope"] = scope if detector == "copod" else "batch"
+    configuration["terrain"] = {
+        "name": terrain,
+        "extent": [0.0, 50.0, 0.0, 50.0],
+        "unit": "ft",
+        "sha256": "0" * 64,
+    }
+    configuration["numerics_version"] = options.pop("numerics_version", 1)
+    for name, value in options.items():
+        *groups, key = name.split("__")
+        place = configuration
+        for group in groups:
+            place = place[group]
+        place[key] = value
+    return configuration
+
+
+def made_samples(seed: int, given: dict[str, Any]) -> dict[str, Any]:
+    """Four samples in the middle, one of the pilot, unless others are given."""
+    n = len(next(iter(given.values()))) if given else 4
+    samples: dict[str, Any] = {
+        "seed": [seed] * n,
+        "epoch": [0] + [1] * (n - 1),
+        "x1": np.linspace(20.0, 30.0, n),
+        "x2": np.full(n, 25.0),
+        "heading": np.zeros(n),
+        "truth": np.full(n, 1000.0),
+        "measured": np.linspace(990.0, 1010.0, n),
+        "score": np.full(n, np.nan),
+        "is_outlier": np.zeros(n, dtype=bool),
+        "flagged": np.zeros(n, dtype=bool),
+    }
+    samples |= given
+    samples["used"] = ~np.asarray(samples["flagged"])
+    return samples
