@@ -251,10 +251,13 @@ def _report(arguments: list[str]) -> int:
 def _show(arguments: list[str]) -> int:
     from infoplan.analyse.tables import find_missions
     from infoplan.draw.show import show
+    from infoplan.errors import UsageError
     from infoplan.overrides import parse
     from infoplan.study.summary import wide_console
 
     named, rest = _named(arguments)
+    if len(named) > 1:
+        raise UsageError(f"infoplan show takes one run, not {len(named)}")
     runs = [f"run={name}" for name in named]
     chosen = parse("show", runs + rest, {"results_dir": "results", "run": ""})
     show(find_missions(chosen["results_dir"], run=chosen["run"] or None), wide_console())

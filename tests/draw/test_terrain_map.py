@@ -1,0 +1,44 @@
+"""A terrain in words and as a picture."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.image import imread
+
+from infoplan.draw.terrain_map import describe, draw_terrain
+from infoplan.terrain import Terrain
+
+
+def described(terrain: Terrain) -> dict[str, str]:
+    return {line[:10].strip(): line[11:] for line in describe(terrain).splitlines()}
+
+
+def test_description_of_a_terrain_with_known_numbers():
+    elevation = np.zeros((11, 21))
+    elevation[:, 15:] = 100.0
+    facts = described(Terrain("step", elevation, (0.0, 20.0, 0.0, 10.0), "m", "ab" * 32))
+    assert facts["terrain"] == "step"
+    assert facts["nodes"] == "11 x 21, rows along y"
+    assert facts["workspace"] == "x 0 to 20, y 0 to 10"
+    assert facts["elevation"] == "0 to 100 m"
+    assert facts["mean, std"] == f"{600 / 21:.0f}, {elevation.std():.0f} m"
+    assert facts["relief"].startswith("100 m; within 2 units 0 m")
+    # The step is felt by the two nodes on either side of it: 4 of 21 columns.
+    assert facts["flat land"].startswith(f"{100 * 17 / 21:.0f} %")
+    assert facts["sha256"] == "ab" * 32
+
+
+def test_a_plain_is_flat_throughout():
+    plain = Terrain("plain", np.full((5, 5), 3.0), (0.0, 9.0, 0.0, 9.0), "m", "0" * 64)
+    assert described(plain)["flat land"].startswith("100 %")
+
+
+def test_picture_with_the_pilot_path(volcano, tmp_path):
+    path = draw_terrain(volcano, tmp_path / "figures")
+    assert path == tmp_path / "figures" / "terrain-volcano.png"
+    assert len(np.unique(imread(path)[..., :3].reshape(-1, 3), axis=0)) > 1000
+    shown = pd.read_csv(path.with_suffix(".csv"))
+    assert len(shown) == 100
+    assert shown["elevation"].to_numpy() == pytest.approx(
+        volcano.elevation_at(shown["x1"], shown["x2"])
+    )
