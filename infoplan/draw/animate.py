@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import track
 
 from infoplan.analyse.relief import on_grid
-from infoplan.analyse.tables import read_table
+from infoplan.analyse.tables import find_missions, read_table
 from infoplan.config import MissionConfig
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
@@ -216,18 +216,11 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
     Raises
     ------
     UsageError
-        If this seed of the run is not stored.
+        If it is not stored, or by another schema version.
     RunError
         If a table cannot be read.
     """
-    if not table_path(results_dir, "curves", run, seed).is_file():
-        seeds = sorted(
-            int(path.stem.removeprefix("seed="))
-            for path in results_dir.glob(f"curves/run={run}/seed=*.parquet")
-        )
-        raise UsageError(
-            f"seed={seed} of run={run} is not stored in {results_dir}: use one of {seeds}"
-        )
+    find_missions(results_dir, run=run, seed=seed)
     config = config_from_science(
         read_footer(table_path(results_dir, "curves", run, seed))["configuration"]
     )

@@ -92,7 +92,7 @@ def render(selection: Selection) -> str:
         "subtitle": escape(f"{_count(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"),
         "summary": _summary(selection, panels, findings, claims),
         "finals": _finals(selection, panels, findings),
-        "claims": _claims(claims, selection),
+        "claims": _claims(claims),
         "detector": _detector(quality, panels, findings),
         "places": _places(places, selection),
         "runs": _runs(selection, findings, footers),
@@ -223,14 +223,17 @@ def _number_of(panel: Panel, method: str, name: str, findings: Findings) -> str:
     )
 
 
-def _claims(claims: Sequence[Claim], selection: Selection) -> str:
+def _claims(claims: Sequence[Claim]) -> str:
     headings = ("claim, and what was compared", "effect [95 %]", "", "stated", "seeds", "verdict")
     head = "".join(f'<th role="columnheader" scope="col">{escape(text)}</th>' for text in headings)
-    lacking = "".join(
-        f"<p>{escape(claim.name)} lacks runs; make them with "
-        f"<code>{escape(' && '.join(claim.commands))}</code></p>"
-        for claim in claims
-        if claim.verdict == "missing" and claim.commands
+    lacking: dict[str, list[str]] = {}
+    for claim in claims:
+        if claim.commands:
+            lacking.setdefault(" && ".join(claim.commands), []).append(claim.name)
+    notes = "".join(
+        f"<p>Runs are lacking for {escape(', '.join(names))}; make them with "
+        f"<code>{escape(command)}</code></p>"
+        for command, names in lacking.items()
     )
     return (
         "<p>A claim is supported if every comparison it names has its 95 % interval on the side "
@@ -238,7 +241,7 @@ def _claims(claims: Sequence[Claim], selection: Selection) -> str:
         "are paired by seed. In the small pictures the shaded side is the one stated.</p>"
         f'<table class="claims" role="table"><thead role="rowgroup"><tr role="row">{head}</tr>'
         f"</thead>{''.join(_claim(claim) for claim in claims)}</table>"
-        + (f'<div class="note">{lacking}</div>' if lacking else "")
+        + (f'<div class="note">{notes}</div>' if notes else "")
     )
 
 

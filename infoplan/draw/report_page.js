@@ -411,7 +411,7 @@
     for (const { name } of run.layers) {
       const kind = name.replace(" ", "-");
       const d = marks[name]([8, 8]);
-      const sign = svg("svg", { class: "key sign", viewBox: "0 0 16 16", "aria-hidden": "true" },
+      const sign = svg("svg", { class: "key sign", viewBox: "4 4 8 8", "aria-hidden": "true" },
         svg("path", { class: `mark outline ${kind}`, d }), svg("path", { class: `mark ${kind}`, d }));
       const button = element("button", { type: "button", "data-layer": name }, sign, name);
       press(button, !off.has(name));

@@ -176,7 +176,7 @@ def test_what_is_not_stored_is_named(results, name, tmp_path):
         choose_run(tmp_path, None)
     with pytest.raises(UsageError, match=f"run=uct is not stored.*{name}"):
         choose_run(results, "uct")
-    with pytest.raises(UsageError, match=r"seed=1 .*use one of \[0, 3\]"):
+    with pytest.raises(UsageError, match=r"no mission with seed=1: there is 0 .*3"):
         read_recording(results, name, 1)
 
 

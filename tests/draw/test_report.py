@@ -242,7 +242,8 @@ def test_the_tables_name_runs_seeds_claims_and_versions(read, results, study):
 
 
 def test_claims_that_lack_runs_name_the_command(page):
-    assert re.search(r"C1 lacks runs; make them with\s+<code>infoplan run", page)
+    (note,) = re.findall(r"<p>(Runs are lacking .*?)</p>", page)
+    assert re.match(r"Runs are lacking for C1, C6; make them with <code>infoplan run -m", note)
 
 
 def test_the_same_tables_give_the_same_page(page, study):
