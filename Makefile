@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check clean
+.PHONY: help run figures test test-browser check clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -13,8 +13,14 @@ help: ## list the targets
 run: $(VENV)/.installed ## set up and run the paper's method: ten missions (ARGS="rho=0.05 seeds=3" changes it)
 	$(BIN)/infoplan run planner=puct detector=copod rho=0.1 $(ARGS)
 
+figures: $(VENV)/.installed ## run what is missing of the paper's Fig. 5, then draw all figures (BUDGET=400 SEEDS=2 for a short one)
+	$(BIN)/python scripts/make_figures.py $(if $(BUDGET),budget=$(BUDGET)) $(if $(SEEDS),seeds=$(SEEDS)) $(ARGS)
+
 test: $(VENV)/.installed-dev ## set up and run the tests
 	$(BIN)/python -m pytest $(ARGS)
+
+test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
+	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
 check: $(VENV)/.installed-dev ## set up and run the linter and the type checker
 	$(BIN)/ruff check .
