@@ -279,6 +279,7 @@ def _study(
     from infoplan.overrides import parse
 
     of_runs = {name for name, _, _ in options(MissionConfig()) if "." in name} | {"budget", "grid"}
+    of_runs -= {"terrain.path", "terrain.on_missing"}  # where a map came from is not stored
     filters = [argument for argument in arguments if argument.partition("=")[0] in of_runs]
     rest = [argument for argument in arguments if argument not in filters]
     chosen = parse(command, rest, {"results_dir": "results", "terrain": None, **defaults})

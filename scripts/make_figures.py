@@ -9,8 +9,9 @@ from dataclasses import fields
 from infoplan.cli import main
 from infoplan.config import Config, MissionConfig
 
-# Options that say how to run, not what: the figures have no use for them.
+# Options that say how to run, and where from, but not what: the figures have no use for them.
 HOW_TO_RUN = {item.name for item in fields(Config)} - {item.name for item in fields(MissionConfig)}
+HOW_TO_RUN = HOW_TO_RUN - {"results_dir"} | {"terrain.path", "terrain.on_missing"}
 
 
 def make_figures(arguments: list[str]) -> int:
@@ -18,8 +19,7 @@ def make_figures(arguments: list[str]) -> int:
     if not any(argument.startswith("budget=") for argument in arguments):
         arguments = [f"budget={Config().budget}", *arguments]
     status = main(["run", "-m", "experiment=fig5", *arguments])
-    dropped = HOW_TO_RUN - {"results_dir"}
-    chosen = [argument for argument in arguments if argument.partition("=")[0] not in dropped]
+    chosen = [argument for argument in arguments if argument.partition("=")[0] not in HOW_TO_RUN]
     return status or main(["figures", *chosen])
 
 

@@ -41,20 +41,28 @@ TEXTS = {
     "C12": "PUCT does go back to flagged places",
 }
 
+WHERE = {
+    "C1": "rho 0.05, batch",
+    "C6": "rho 0.15, batch",
+    "C7": "rho 0.1, historical",
+    "C11": "rho 0.1, historical",
+}
+"""Runs that a claim compares; the others: rho 0.1, batch."""
+
 WORDS = {
     "final": "final RMSE",
-    "early": f"mean RMSE over {EARLY[0]} to {EARLY[1]} samples",
-    "late": f"mean RMSE from {LATE} samples on",
-    "rise": "final RMSE above its own minimum",
-    "fp": "false alarms of a mission",
-    "false_alarm_rate": "false-alarm rate of a mission",
-    "relief_gap": "local relief at false alarms less that at true negatives",
+    "early": f"RMSE over {EARLY[0]}-{EARLY[1]} samples",
+    "late": f"RMSE from {LATE} samples on",
+    "rise": "final RMSE - its own minimum",
+    "fp": "false alarms",
+    "false_alarm_rate": "false-alarm rate",
+    "relief_gap": "relief, false alarms - true negatives",
     "spread": "spread of the final mean",
-    "std": "mean of the final standard deviation",
-    "recall_lost": "recall of the epoch's own batch less that over everything at the end",
-    "returned": f"share of samples within {NEARBY:g} units of an earlier flagged one",
+    "std": "mean of the final std",
+    "recall_lost": "recall, own batch - all at the end",
+    "returned": "share near an earlier flagged sample",
 }
-"""What the numbers a mission are, in words."""
+"""What the numbers a mission are, in words; the README defines them."""
 
 WITHOUT_UNIT = ("fp", "false_alarm_rate", "recall_lost", "returned")
 
@@ -81,7 +89,8 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
     for name in names:
         evidence.missing.clear()
         made = tuple(COMPARISONS[name](evidence))
-        claims.append(Claim(name, TEXTS[name], made, commands(selection, evidence.missing)))
+        cures = commands(selection, evidence.missing)
+        claims.append(Claim(name, TEXTS[name], made, cures, WHERE.get(name, "rho 0.1, batch")))
     return claims
 
 
@@ -129,7 +138,7 @@ class Evidence:
     ) -> Comparison:
         """Compare a number of one method with the bounds stated."""
         effect = self.numbers(name, method, rho, scope)
-        return self._comparison(f"{method}: {WORDS[name]}", name, stated, effect, rho, scope)
+        return self._comparison(f"{method}: {WORDS[name]}", name, stated, effect)
 
     def pair(
         self,
@@ -146,18 +155,11 @@ class Evidence:
         effect = None if first is None or second is None else first - share * second
         minus = "" if share == 1.0 else f"{share:g} x "
         what = f"{a} - {minus}{b}: {WORDS[name]}"
-        return self._comparison(what, name, stated, effect, rho, scope)
+        return self._comparison(what, name, stated, effect)
 
     def _comparison(
-        self,
-        what: str,
-        name: str,
-        stated: Stated,
-        effect: "pd.Series[float] | None",
-        rho: float,
-        scope: str,
+        self, what: str, name: str, stated: Stated, effect: "pd.Series[float] | None"
     ) -> Comparison:
-        what += f", rho {rho:g}" + (", historical" if scope == "historical" else "")
         unit = "" if name in WITHOUT_UNIT else self.selection.unit
         if effect is None:
             lacks = "a run is missing"

@@ -68,12 +68,15 @@ class Claim:
         All that it names.
     commands
         Commands that make what is missing.
+    where
+        Share of outliers and scope of the runs compared, in words.
     """
 
     name: str
     text: str
     comparisons: tuple[Comparison, ...]
     commands: tuple[str, ...] = ()
+    where: str = ""
 
     @property
     def verdict(self) -> str:

@@ -105,7 +105,8 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
         Folder of the result tables.
     **filters
         One of `LABELS` or an option of the configuration (``**{"planner.exploration": 0.5}``), and
-        its value, or a list of which any will do. A run may be named by its hash alone. Without
+        its value, or a list of which any will do. A run may be named by its hash alone; the terrain
+        ``file`` is any that was read from a user's file. Without
         ``terrain`` it is helens if that is there. None filters nothing, and a run without the
         option (NONE has no contamination) passes.
 
@@ -340,6 +341,8 @@ def _answers(row: dict[str, Any], options: dict[str, Options], name: str, wanted
         return any(value == choice or value.endswith(f"-{choice}") for choice in choices)
     if name == "method":
         return value in [str(choice).upper() for choice in choices]
+    if name == "terrain" and "file" in choices and value.startswith("file-"):
+        return True
     if isinstance(value, float):
         return any(_number(choice) == value for choice in choices)
     return value in choices

@@ -17,32 +17,35 @@ COLOURS = {"supported": "green", "contradicted": "red", "undecided": "yellow", "
 
 
 def print_claims(claims: list[Claim], selection: Selection, console: "Console") -> None:
-    """Print the claims, every comparison on a line of its own."""
+    """Print the claims, every comparison on a line of its own; IQM is its interquartile mean."""
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE, title=heading(selection), title_justify="left")
     for column in ("claim", "compared"):
         table.add_column(column)
-    for column in ("effect [95 %]", "stated", "seeds"):
+    for column in ("effect [95 %]", "IQM", "stated", "seeds"):
         table.add_column(column, justify="right", no_wrap=column != "seeds")
     table.add_column("verdict", no_wrap=True)
     for claim in claims:
         colour = COLOURS[claim.verdict]
         verdict = f"[{colour}]{claim.verdict.upper()}[/]"
-        table.add_row(f"[bold]{claim.name}[/]", f"[bold]{claim.text}[/]", "", "", "", verdict)
+        table.add_row(
+            f"[bold]{claim.name}[/]", f"[bold]{claim.text}[/]", claim.where, "", "", "", verdict
+        )
         judged = any(not item.lacks for item in claim.comparisons)
         for item in claim.comparisons if judged else ():
             table.add_row(
                 "",
                 item.what,
                 effect(item).replace("[", "\\["),
+                "" if item.lacks else number(item.interquartile_mean),
                 stated(item.stated, item.unit),
                 str(item.effect.n),
                 item.verdict,
             )
         if advice(claim):
-            table.add_row("", f"[italic]{advice(claim)}[/]", "", "", "", "")
+            table.add_row("", f"[italic]{advice(claim)}[/]")
         table.add_section()
     console.print(table)
     for line in remarks(claims, selection):
@@ -54,8 +57,8 @@ def markdown(claims: list[Claim], selection: Selection) -> str:
     lines = [
         heading(selection),
         "",
-        "| | claim | verdict | compared: effect [95 % interval], n seeds |",
-        "|---|---|---|---|",
+        "| | claim | runs | compared: effect [95 % interval], n seeds | verdict |",
+        "|---|---|---|---|---|",
     ]
     for claim in claims:
         compared = "<br>".join(
@@ -63,7 +66,7 @@ def markdown(claims: list[Claim], selection: Selection) -> str:
             for item in claim.comparisons
         )
         verdict = f"**{claim.verdict}**" + (f" ({advice(claim)})" if advice(claim) else "")
-        lines.append(f"| {claim.name} | {claim.text} | {verdict} | {compared} |")
+        lines.append(f"| {claim.name} | {claim.text} | {claim.where} | {compared} | {verdict} |")
     return "\n".join([*lines, "", *(f"{line}  " for line in remarks(claims, selection))]).rstrip()
 
 
@@ -145,6 +148,7 @@ def _claim(claim: Claim) -> dict[str, Any]:
     return {
         "name": claim.name,
         "text": claim.text,
+        "where": claim.where,
         "verdict": claim.verdict,
         "more_seeds": None if claim.more_seeds is None else _finite(claim.more_seeds),
         "advice": advice(claim),

@@ -25,7 +25,7 @@ def compared(mean, low, high, side=Stated(high=0.0), n=10, unit="ft", lacks=""):
 
 
 CLAIMS = [
-    Claim("C1", "it is lower", (compared(-40.0, -61.5, -20.0),)),
+    Claim("C1", "it is lower", (compared(-40.0, -61.5, -20.0),), where="rho 0.1, batch"),
     Claim("C2", "it is rarer", (compared(-0.01, -0.05, 0.03, unit=""),)),
     Claim("C3", "it holds still", (compared(0.0, -9.0, 9.0),)),
     Claim(
@@ -76,10 +76,10 @@ def test_few_seeds_are_warned_of():
 def test_markdown_has_a_row_a_claim():
     rows = [line for line in markdown(CLAIMS, selection()).splitlines() if line.startswith("| C")]
     assert len(rows) == len(CLAIMS)
-    assert all(row.count("|") == 5 for row in rows)
+    assert all(row.count("|") == 6 for row in rows)
     assert rows[0] == (
-        "| C1 | it is lower | **supported** | "
-        "a - b: final RMSE: -40.0 [-61.5, -20.0] ft, n = 10, supported |"
+        "| C1 | it is lower | rho 0.1, batch | "
+        "a - b: final RMSE: -40.0 [-61.5, -20.0] ft, n = 10, supported | **supported** |"
     )
     assert "**undecided** (about 150 more seeds would decide it)" in rows[1]
 
