@@ -241,7 +241,7 @@ def workspace(axes: "Axes", extent: Extent) -> None:
         ylabel="$x_2$ (workspace units)",
     )
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(5))
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
 def colour_bar(
