@@ -239,9 +239,23 @@ class Config(MissionConfig):
 
     seeds: Any = option(10, "how many seeds (0 to n - 1), or a list of them")
     n_jobs: int = option(-1, "parallel missions; -1: one a core")
-    backend: str = option("loky", "where missions run", choices=("loky",))
+    backend: str = option(
+        "loky",
+        "where missions run: worker processes, a Dask cluster, or this process",
+        choices=("loky", "dask", "sequential"),
+    )
+    scheduler: str | None = option(
+        None, "address or scheduler file of a Dask cluster; null: one on this machine"
+    )
+    on_error: str = option(
+        "continue", "after a failed mission: fly the others, or start no more",
+        choices=("continue", "stop"),
+    )  # fmt: skip
     results_dir: str = option("results", "where the tables land")
     resume: bool = option(True, "keep the seeds whose table is already there")
+    sweep: list[str] = option(
+        [], "command lines whose configurations are the study; options given beside replace theirs"
+    )
 
 
 def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[str, Any]]]:
@@ -312,6 +326,11 @@ def validate(config: MissionConfig) -> None:
         seed_list(config.seeds)
         if config.n_jobs == 0:
             raise UsageError("n_jobs=0 runs nothing: give a number of workers, or -1 for all cores")
+        if config.scheduler is not None and config.backend != "dask":
+            raise UsageError(
+                f"scheduler={config.scheduler} has no use with backend={config.backend}: "
+                "give backend=dask, too"
+            )
 
 
 def describe(metadata: dict[str, Any]) -> str:

@@ -5,23 +5,31 @@ our own sends all jobs of a multirun to one pool, and errors become one sentence
 """
 
 import copy
+import itertools
 import os
 import re
+import shlex
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from types import ModuleType
 from typing import Any
 
+from hydra import compose as hydra_compose
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override, OverrideType
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.errors import HydraException
 from hydra.plugins.launcher import Launcher
-from omegaconf import MISSING, DictConfig, OmegaConf, open_dict
+from hydra.types import RunMode
+from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from infoplan.config import (
@@ -51,9 +59,17 @@ SCHEMAS: dict[str, dict[str, Any]] = {
 }
 """Schema of every choice of every group; each YAML file in ``infoplan.conf`` repeats one."""
 
-FLAGS_WITH_VALUE = ("-c", "--cfg", "-p", "--package", "-cp", "--config-path", "-cn", "--config-name",
-                    "-cd", "--config-dir", "--experimental-rerun")  # fmt: skip
+FLAGS_WITH_VALUE = (
+    "-c", "--cfg", "-p", "--package", "-cp", "--config-path", "-cn", "--config-name",
+    "-cd", "--config-dir", "--experimental-rerun",
+)  # fmt: skip
 INFO_CHOICES = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
+
+Act = Callable[[list[Config]], tuple[int, list[float]]]
+"""What is done with the configurations of a study: gives exit status and one number for each."""
+
+_act: Act
+"""What to do in this call: Hydra cannot hand it on."""
 
 _statuses: list[int | Exception] = []
 """Exit status or error of each study: Hydra keeps what a job returns or raises to itself."""
@@ -61,9 +77,37 @@ _statuses: list[int | Exception] = []
 
 def run(arguments: list[str]) -> int:
     """Run ``infoplan run`` with Hydra's command line; return the exit status."""
+    if "--dry-run" in arguments:
+        rest = [argument for argument in arguments if argument != "--dry-run"]
+        return compose_and(_show_plan, rest)
+    return compose_and(_run_and_print, arguments)
+
+
+def compose_and(act: Act, arguments: list[str]) -> int:
+    """Let Hydra compose the configurations of a command line, and act on them as one study.
+
+    Parameters
+    ----------
+    act
+        What to do with them.
+    arguments
+        Flags and overrides, as after ``infoplan run``.
+
+    Returns
+    -------
+    int
+        The exit status.
+
+    Raises
+    ------
+    UsageError
+        If the command line is wrong.
+    """
     import hydra
 
+    global _act
     register()
+    _act = act
     _statuses.clear()
     flags, overrides = sort_arguments(arguments)
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
@@ -147,29 +191,97 @@ class PoolLauncher(Launcher):
 
     def setup(self, *, hydra_context: Any, task_function: Any, config: DictConfig) -> None:
         """Keep what is needed to compose each job's configuration."""
-        self.config, self.hydra_context = config, hydra_context
+        self.config = config
 
     def launch(
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
         """Compose the configurations of all jobs and run them as one study."""
-        returned = []
-        configs = []
-        for overrides in job_overrides:
-            composed = self.hydra_context.config_loader.load_sweep_config(
-                self.config, list(overrides)
-            )
-            composed = copy.deepcopy(composed)
-            with open_dict(composed):
-                del composed["hydra"]
-            configs.append(composed)
-            returned.append(
-                JobReturn(overrides=overrides, cfg=composed, status=JobStatus.COMPLETED)
-            )
-        errors = _study(configs)
-        for job, error in zip(returned, errors, strict=True):
-            job.return_value = error
-        return returned
+        jobs = [list(overrides) for overrides in job_overrides]
+        compose = Composer(self.config.hydra.job.config_name)
+        composed = [compose(overrides) for overrides in jobs]
+        numbers = _study(composed, jobs, self.config.hydra.job.config_name)
+        return [
+            JobReturn(overrides=overrides, cfg=config, status=JobStatus.COMPLETED,
+                      _return_value=number)
+            for overrides, config, number in zip(job_overrides, composed, numbers, strict=True)
+        ]  # fmt: skip
+
+
+class Composer:
+    """Composes configurations with Hydra, many of them in little time.
+
+    Hydra reads and merges all files anew for every job. Here that is done once for every choice of
+    groups; plain options are set in a copy, as Hydra itself does it at the end.
+
+    Parameters
+    ----------
+    config_name
+        Name of the root configuration.
+    """
+
+    def __init__(self, config_name: str):
+        self.config_name = config_name
+        self.parser = OverridesParser.create()
+        self.composed: dict[tuple[str, ...], DictConfig] = {}
+
+    def __call__(self, overrides: Sequence[str]) -> DictConfig:
+        """Compose the configuration of a job's overrides."""
+        parsed = self.parser.parse_overrides(list(overrides))
+        plain = [override for override in parsed if self._is_plain(override)]
+        groups = tuple(override.input_line or "" for override in parsed if override not in plain)
+        if groups not in self.composed:
+            self.composed[groups] = hydra_compose(self.config_name, overrides=list(groups))
+        config = copy.deepcopy(self.composed[groups])
+        try:
+            for override in plain:
+                OmegaConf.update(config, override.key_or_group, override.value(), merge=True)
+        except OmegaConfBaseException:
+            return hydra_compose(self.config_name, overrides=list(overrides))  # for its message
+        return config
+
+    def _is_plain(self, override: Override) -> bool:
+        """Whether an override sets an option of a group or of the root, and does nothing else."""
+        name = override.key_or_group
+        changes = override.type == OverrideType.CHANGE and override.package is None
+        return changes and name not in (*SCHEMAS, "experiment") and "/" not in name
+
+
+def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
+    """Expand the command lines of ``sweep`` to the overrides of single jobs.
+
+    Parameters
+    ----------
+    lines
+        Overrides, also of several values, as after ``infoplan run -m``.
+    given
+        Overrides of the command line proper; they take the place of the lines' own.
+
+    Returns
+    -------
+    list of list of str
+        All combinations of each line, in order.
+
+    Raises
+    ------
+    UsageError
+        If a line is no command line.
+    """
+    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+    taken = {override.key_or_group for override in parser.parse_overrides(list(given))}
+    jobs = []
+    for line in lines:
+        try:
+            overrides = parser.parse_overrides(shlex.split(line))
+            own = [override for override in overrides if override.key_or_group not in taken]
+            values = [_values(override) for override in own]
+        except (HydraException, ValueError) as error:
+            raise UsageError(
+                f"the entry {line!r} of sweep cannot be read: it is what would follow "
+                "`infoplan run -m`, like planner=uct,puct rho=0.1"
+            ) from error
+        jobs += [[*given, *combination] for combination in itertools.product(*values)]
+    return jobs
 
 
 def explain(error: BaseException) -> str:
@@ -185,6 +297,10 @@ def explain(error: BaseException) -> str:
         return (
             f"there is no {group} {choice!r}{suggest(choice, choices)}: "
             f"{group}= takes {', '.join(choices)}"
+        )
+    if match := re.search(r"Ambiguous value for argument '([^']+)'", text):
+        return (
+            f"{match[1]} gives several values: add -m to run them all, or quote what is one value"
         )
     if match := re.search(r"Could not override '([^']+)'", text):
         return _no_option(match[1], Config())
@@ -211,24 +327,69 @@ def _no_option(name: str, config: Config) -> str:
 
 
 def _task(composed: DictConfig) -> float:
-    return _study([composed])[0]
+    """Act on one job of Hydra's own; with another launcher than ours it may be one of many."""
+    hydra_config = HydraConfig.get()
+    overrides = [list(hydra_config.overrides.task)]
+    number = _study([composed], overrides, str(hydra_config.job.config_name))[0]
+    last = _statuses[-1]
+    if hydra_config.mode == RunMode.MULTIRUN and last:
+        # Perhaps in another process: only an error finds its way back.
+        raise last if isinstance(last, Exception) else RunError("missions failed")
+    return number
 
 
-def _study(composed: Sequence[DictConfig]) -> list[float]:
-    """Run configurations as one study; return the mean final RMSE of each, for sweepers."""
-    from infoplan.study.runner import run_study
-    from infoplan.study.summary import final_rmse, print_summary, wide_console
-
+def _study(
+    composed: Sequence[DictConfig], overrides: Sequence[list[str]], config_name: str
+) -> list[float]:
+    """Act on the configurations of jobs as one study; return a number for each, for sweepers."""
     try:
-        configs = [_to_config(config) for config in composed]
-        console = wide_console()
-        study = run_study(configs, console)
-        print_summary(study, console)
+        compose = Composer(config_name)
+        expanded = [_expanded(*job, compose) for job in zip(composed, overrides, strict=True)]
+        status, numbers = _act([_to_config(config) for job in expanded for config in job])
     except (UsageError, RunError) as error:
         _statuses.append(error)
         return [float("nan")] * len(composed)
-    _statuses.append(1 if study.failed else 0)
-    return final_rmse(study)
+    except (HydraException, OmegaConfBaseException) as error:
+        _statuses.append(UsageError(explain(error)))
+        return [float("nan")] * len(composed)
+    _statuses.append(status)
+    values = iter(numbers)
+    return [sum(next(values) for _ in job) / len(job) for job in expanded]
+
+
+def _expanded(composed: DictConfig, overrides: list[str], compose: Composer) -> list[DictConfig]:
+    """Give the configurations that a job stands for: itself, or those of its ``sweep``."""
+    if not composed.sweep:
+        return [composed]
+    return [compose(job) for job in expand(composed.sweep, overrides)]
+
+
+def _values(override: Override) -> list[str]:
+    """Write an override of one or several values as overrides of one each."""
+    if not override.is_sweep_override():
+        return [override.input_line or ""]
+    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+
+
+def _run_and_print(configs: list[Config]) -> tuple[int, list[float]]:
+    from infoplan.study.runner import run_study
+    from infoplan.study.summary import final_rmse, print_summary, wide_console
+
+    console = wide_console()
+    study = run_study(configs, console)
+    print_summary(study, console)
+    return int(bool(study.failed)), final_rmse(study)
+
+
+def _show_plan(configs: list[Config]) -> tuple[int, list[float]]:
+    from infoplan.study.runner import check_study, plan_study
+    from infoplan.study.summary import final_rmse, print_plan, wide_console
+
+    console = wide_console()
+    check_study(configs)
+    study = plan_study(configs, console)
+    print_plan(study, configs[0], console)
+    return 0, final_rmse(study)
 
 
 def _to_config(composed: DictConfig) -> Config:

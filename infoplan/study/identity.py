@@ -47,7 +47,6 @@ def identify(config: Config, terrain: Terrain) -> Run:
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
-    digest = hashlib.sha256(json.dumps(science, sort_keys=True).encode()).hexdigest()
     name = "-".join(
         [
             resolved.planner.name,
@@ -55,10 +54,15 @@ def identify(config: Config, terrain: Terrain) -> Run:
             terrain.name,
             f"rho{resolved.rho:g}",
             resolved.detector.scope,
-            digest[:8],
+            digest(science),
         ]
     )
     return Run(name, resolved, terrain, science)
+
+
+def digest(science: Mapping[str, Any]) -> str:
+    """Eight hex digits that stand for a run's `science`, the end of its name."""
+    return hashlib.sha256(json.dumps(science, sort_keys=True).encode()).hexdigest()[:8]
 
 
 def resolve(config: Config, terrain: Terrain) -> MissionConfig:

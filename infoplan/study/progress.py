@@ -2,6 +2,7 @@
 
 Workers tell how far they are by datagrams to a socket of the parent on this machine: no file, no
 shared state, and a worker that dies leaves nothing behind. A lost datagram costs one refresh.
+Workers elsewhere do not report; their missions are shown as under way.
 """
 
 import json
@@ -10,7 +11,8 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
@@ -18,57 +20,81 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
+from infoplan.study.estimate import Clock, Kind, Pace, duration, wall_seconds
+
 Address = tuple[str, int]
+
+COMPILING = -1
+"""Number that a worker reports instead of a mission's while it compiles the kernels."""
+
+STEPS = 1000
+"""Length of a full bar."""
 
 REFRESH_SECONDS = 0.25
 LINE_SECONDS = 5.0
 """Plain lines about missions under way appear at most this often."""
 
 
-def reporter(address: Address | None, mission: int) -> Callable[[int, float], None]:
+def reporter(address: Address | None, mission: int) -> Callable[[int, float | None], None]:
     """Return the function by which a worker reports (samples collected, RMSE) of a mission."""
     if address is None:
         return lambda collected, rmse: None
     channel = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
-    def report(collected: int, rmse: float) -> None:
+    def report(collected: int, rmse: float | None) -> None:
         message = {"mission": mission, "collected": collected, "rmse": rmse, "pid": os.getpid()}
-        try:
+        with suppress(OSError):  # a display that is gone must not end a mission
             channel.sendto(json.dumps(message).encode(), address)
-        except OSError:
-            pass  # a display that is gone must not end a mission
 
     return report
 
 
 @dataclass
 class Line:
-    """What the display knows of a mission."""
+    """What the display knows of a mission.
+
+    Attributes
+    ----------
+    label, unit
+        Its name, and the unit of its RMSE.
+    budget
+        Samples in all.
+    kind
+        By which its time is estimated.
+    collected, rmse
+        The latest report.
+    state
+        ``waiting``, ``under way`` or ``over``.
+    """
 
     label: str
-    budget: int
     unit: str
+    budget: int
+    kind: Kind
     collected: int = 0
-    rmse: float = float("nan")
-    finished: bool = False
+    rmse: float | None = None
+    state: str = "waiting"
+    clock: Clock = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.clock = Clock(self.budget)
 
     @property
-    def work(self) -> float:
-        """Work of the whole mission, arbitrary units: the model's cost grows as N^3 an epoch."""
-        return float(self.budget) ** 3
-
-    @property
-    def done(self) -> float:
-        """Work done so far."""
-        return self.work if self.finished else float(self.collected) ** 3
-
-    def __str__(self) -> str:
-        return f"{self.label}  {self.collected} of {self.budget} samples  {self.error}"
+    def share(self) -> float:
+        """Share of the work that is done."""
+        return 1.0 if self.state == "over" else self.clock.share(self.collected)
 
     @property
     def error(self) -> str:
         """RMSE with its unit, empty before there is one."""
-        return "" if self.rmse != self.rmse else f"RMSE {self.rmse:.4g} {self.unit}"
+        return "" if self.rmse is None else f"  RMSE {self.rmse:.4g} {self.unit}"
+
+    @property
+    def note(self) -> str:
+        """How far it is."""
+        if not self.collected:
+            return f"{duration(time.monotonic() - (self.clock.started or 0.0))} under way"
+        return f"{self.collected} of {self.budget} samples{self.error}"
 
 
 class Display:
@@ -78,23 +104,30 @@ class Display:
     ----------
     lines
         One a mission, in the order of their numbers.
+    pace
+        Seconds of earlier missions; those of this study are added.
+    workers
+        How many missions run side by side.
+    skipped
+        How many missions of the study were there already.
     console
         Where to show it.
     """
 
-    def __init__(self, lines: list[Line], console: Console):
-        self.lines = lines
-        self.console = console
-        self.started = time.monotonic()
-        self.last_line = self.started
-        self.counts = {"done": 0, "failed": 0}
+    def __init__(self, lines: list[Line], pace: Pace, workers: int, skipped: int, console: Console):
+        self.lines, self.pace, self.workers, self.console = lines, pace, workers, console
+        self.counts = {"done": 0, "skipped": skipped, "failed": 0}
+        self.wanted = skipped + len(lines)
+        self.started = self.last_line = time.monotonic()
         self.stopped = threading.Event()
-        self.receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.receiver.bind(("127.0.0.1", 0))
-        self.receiver.settimeout(REFRESH_SECONDS)
-        self.address: Address = self.receiver.getsockname()
         self.live: Live | None = None
+        self.receiver = _listening_socket()
         self.thread = threading.Thread(target=self._listen, daemon=True)
+
+    @property
+    def address(self) -> Address | None:
+        """Where workers on this machine report; None where there is no loopback network."""
+        return self.receiver.getsockname() if self.receiver else None
 
     def __enter__(self) -> "Display":
         if self.console.is_terminal:
@@ -109,64 +142,116 @@ class Display:
     def __exit__(self, *error: object) -> None:
         self.stopped.set()
         self.thread.join()
-        self.receiver.close()
+        if self.receiver:
+            self.receiver.close()
         if self.live:
             self.live.stop()
+
+    def start(self, mission: int) -> None:
+        """Show that a mission is under way."""
+        line = self.lines[mission]
+        line.state, line.collected, line.clock = "under way", 0, Clock(line.budget)
+        line.clock.report(0)
 
     def finish(self, mission: int, seconds: float, rmse: float) -> None:
         """Show that a mission is done."""
         line = self.lines[mission]
-        line.finished, line.collected, line.rmse = True, line.budget, rmse
+        line.state, line.collected, line.rmse = "over", line.budget, rmse
+        self.pace.add(line.kind, seconds)
         self.counts["done"] += 1
-        self._say(f"{line.label}  done in {seconds:.1f} s  {line.error}")
+        self._say_of(line, f"done in {seconds:.1f} s{line.error}")
+
+    def skip(self, mission: int) -> None:
+        """Show that another process has done a mission."""
+        self.lines[mission].state = "over"
+        self.counts["skipped"] += 1
+        self._say_of(self.lines[mission], "done by another infoplan")
 
     def fail(self, mission: int, reason: str) -> None:
         """Show that a mission has failed."""
-        self.lines[mission].finished = True
+        self.lines[mission].state = "over"
         self.counts["failed"] += 1
-        self._say(f"{self.lines[mission].label}  FAILED: {reason}", style="bold red")
+        self._say_of(self.lines[mission], f"FAILED: {reason}", style="bold red")
 
-    def _say(self, text: str, style: str = "") -> None:
-        counted = f"[{sum(self.counts.values())}/{len(self.lines)}]"
-        left = "" if self.live else self._time_left()
-        self.console.print(Text(f"{counted} {text}{left}", style=style), soft_wrap=True)
+    def wait(self, mission: int) -> None:
+        """Show that a mission is not under way any more and will be started again."""
+        self.lines[mission].state = "waiting"
+        self.lines[mission].collected = 0
+
+    def say(self, text: str, style: str = "") -> None:
+        """Print a line above the display."""
+        self.console.print(Text(text, style=style), soft_wrap=True)
         self.last_line = time.monotonic()
+
+    def left(self) -> float | None:
+        """Seconds left until all missions are over; None while nothing can be said."""
+        pending = [line for line in self.lines if line.state != "over"]
+        own = [(line.clock.total(), line.kind.work) for line in pending]
+        rates = [total / work for total, work in own if total is not None]
+        seconds = []
+        for line in pending:
+            expected = self.pace.of_kind(line.kind)
+            if expected is None and rates:
+                expected = line.kind.work * sum(rates) / len(rates)
+            elif expected is None:
+                expected = self.pace.seconds(line.kind)
+            under_way = line.state == "under way"
+            left = line.clock.left(expected) if under_way else expected
+            if left is None:
+                return None
+            seconds.append(left)
+        return wall_seconds(seconds, self.workers)
+
+    def _say_of(self, line: Line, text: str, style: str = "") -> None:
+        over = sum(line.state == "over" for line in self.lines)
+        left = "" if self.live else self._time_left()
+        self.say(f"[{over}/{len(self.lines)}] {line.label}  {text}{left}", style)
 
     def _listen(self) -> None:
         while not self.stopped.is_set():
+            if self.receiver is None:
+                self.stopped.wait(REFRESH_SECONDS)
+                continue
             try:
                 message: dict[str, Any] = json.loads(self.receiver.recv(4096))
-                line = self.lines[message["mission"]]
-            except (TimeoutError, ValueError, KeyError, IndexError, TypeError):
-                continue
-            if not line.finished:
-                line.collected, line.rmse = message["collected"], message["rmse"]
-                if not self.live and time.monotonic() - self.last_line > LINE_SECONDS:
-                    self.last_line = time.monotonic()
-                    self.console.print(f"{line}{self._time_left()}", soft_wrap=True)
+                self._take(message["mission"], message["collected"], message["rmse"])
+            except OSError:  # mostly: nothing has arrived
+                self.stopped.wait(0.01)
+            except (ValueError, KeyError, IndexError, TypeError):
+                continue  # not from a worker
+
+    def _take(self, mission: int, collected: int, rmse: float | None) -> None:
+        if mission == COMPILING:
+            self.say("compiling the numerical kernels, once on this machine ...")
+            return
+        line = self.lines[mission]
+        if line.state != "under way" or collected < line.collected:
+            return
+        line.collected, line.rmse = collected, rmse
+        line.clock.report(collected)
+        due = time.monotonic() - self.last_line > LINE_SECONDS
+        if collected and due and not self.live:
+            self.say(f"{line.label}  {line.note}{self._time_left()}")
 
     def _time_left(self) -> str:
-        total, done = sum(line.work for line in self.lines), sum(line.done for line in self.lines)
-        if done == 0 or done >= total:
-            return ""
-        left = (time.monotonic() - self.started) * (total - done) / done
-        return f"  about {_duration(left)} left"
+        left = self.left()
+        return f"  about {duration(left)} left" if left and left >= 1 else ""
 
     def _render(self) -> Progress:
         progress = Progress(
             TextColumn("{task.description}"), BarColumn(bar_width=30), _Note(),
             console=self.console, auto_refresh=False,
         )  # fmt: skip
-        total, done = sum(line.work for line in self.lines), sum(line.done for line in self.lines)
-        count = f"{self.counts['done']} of {len(self.lines)} done"
-        if self.counts["failed"]:
-            count += f", {self.counts['failed']} failed"
-        progress.add_task("all missions", total=total, completed=done,
-                          note=f"{count}{self._time_left()}")  # fmt: skip
-        for line in self.lines:
-            if line.collected and not line.finished:
-                note = f"{line.collected} of {line.budget} samples  {line.error}"
-                progress.add_task(line.label, total=line.work, completed=line.done, note=note)
+        total = sum(line.kind.work for line in self.lines)
+        done = sum(line.kind.work * line.share for line in self.lines)
+        counts = ", ".join(f"{count} {name}" for name, count in self.counts.items() if count)
+        bars = [("all missions", done / total,
+                 f"{counts or '0 done'} of {self.wanted}{self._time_left()}")]  # fmt: skip
+        room = max(self.console.height - 3, 1)
+        under_way = [line for line in self.lines if line.state == "under way"]
+        bars += [(line.label, line.share, line.note) for line in under_way[:room]]
+        for label, share, note in bars:
+            progress.add_task(label, total=STEPS, completed=round(STEPS * share), note=note)
         return progress
 
 
@@ -175,9 +260,12 @@ class _Note(ProgressColumn):
         return Text(task.fields["note"])
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    if seconds < 6000:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
+def _listening_socket() -> socket.socket | None:
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        receiver.bind(("127.0.0.1", 0))
+    except OSError:
+        receiver.close()
+        return None
+    receiver.settimeout(REFRESH_SECONDS)
+    return receiver

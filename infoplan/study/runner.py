@@ -1,58 +1,57 @@
-"""Run configurations x seeds in one pool of workers and store what comes back."""
+"""Run configurations x seeds in one pool of workers and store what comes back.
 
-import os
+This process is the only one that writes: workers hand their tables back. It holds the lock of each
+mission that is under way, so that other infoplan processes on the same results fly other missions.
+"""
+
+import signal
 import sys
 import threading
 import time
-import traceback
 import warnings
+from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from infoplan.config import (
-    Config,
-    DetectorConfig,
-    MissionConfig,
-    TerrainConfig,
-    seed_list,
-    validate,
-)
+from infoplan.config import Config, TerrainConfig, seed_list, validate
 from infoplan.errors import RunError, UsageError
+from infoplan.study.estimate import Pace, kind_of, learn
+from infoplan.study.flight import Outcome, Task
 from infoplan.study.identity import Run, identify
-from infoplan.study.progress import Address, Display, Line, reporter
-from infoplan.study.provenance import git_state, provenance
-from infoplan.study.store import MissionTables, build_tables, is_done, prepare, save_mission
+from infoplan.study.locks import Lock, NoLocksError, acquire
+from infoplan.study.pool import STOPPING, Pool, open_pool
+from infoplan.study.progress import Display, Line
+from infoplan.study.provenance import git_state
+from infoplan.study.store import (
+    Stored,
+    inspect,
+    prepare,
+    save_configuration,
+    save_failure,
+    save_mission,
+)
 from infoplan.terrain import Terrain, load_terrain
 
+POLL_SECONDS = 0.5
+"""How often a mission that another process holds is looked at again."""
 
-@dataclass(frozen=True)
-class Task:
-    """A mission to fly: one run, one seed, and its number in the display."""
+SHARED = ("n_jobs", "backend", "scheduler", "on_error", "results_dir", "resume")
+"""Options that all configurations of a study have in common, because they share one pool."""
 
-    run: Run
-    seed: int
-    number: int
-
-
-@dataclass
-class Outcome:
-    """What a worker sends back: tables and footer, or the traceback of a failure."""
-
-    task: Task
-    seconds: float
-    tables: MissionTables | None = None
-    footer: dict[str, Any] = field(default_factory=dict)
-    failure: str = ""
+MACHINE = ("python", "blas", "cpu")
+MATHEMATICS = ("numpy", "scipy", "scikit-learn", "pyod", "numba", "llvmlite")
+"""What decides the last digits: parts of a footer, and the libraries among them."""
 
 
 @dataclass
 class Study:
-    """What `run_study` did.
+    """A study: what it consists of, and what `run_study` did.
 
     Attributes
     ----------
@@ -62,10 +61,14 @@ class Study:
         The different runs with the seeds asked for.
     results_dir
         Where their tables are.
-    computed, kept
-        Number of missions flown now, and found done.
+    stored
+        What was there of each mission, by run and seed, when the study began.
+    pace
+        Seconds of all missions in the results.
+    computed, kept, unstarted
+        Number of missions flown now, found done, and left by ``on_error=stop``.
     failed
-        Label and reason of each failed mission.
+        Label, one-line reason and file of each failed mission.
     seconds
         Wall time.
     """
@@ -73,10 +76,74 @@ class Study:
     names: list[str]
     runs: list[tuple[Run, list[int]]]
     results_dir: Path
+    stored: dict[tuple[str, int], Stored] = field(default_factory=dict)
+    pace: Pace = field(default_factory=Pace)
     computed: int = 0
     kept: int = 0
-    failed: list[tuple[str, str]] = field(default_factory=list)
+    unstarted: int = 0
+    failed: list[tuple[str, str, Path]] = field(default_factory=list)
     seconds: float = 0.0
+
+    def todo(self, resume: bool) -> list[Task]:
+        """List the missions to fly, longest first, so that none is left alone at the end."""
+        missions = [
+            (run, seed)
+            for run, seeds in self.runs
+            for seed in seeds
+            if not (resume and self.stored[run.name, seed].state == "done")
+        ]
+        kinds = {run.name: kind_of(run.science) for run, _ in self.runs}
+        length = {name: self.pace.seconds(kind) or kind.work for name, kind in kinds.items()}
+        missions.sort(key=lambda mission: -length[mission[0].name])
+        return [Task(run, seed, number) for number, (run, seed) in enumerate(missions)]
+
+
+def check_study(configs: list[Config]) -> None:
+    """Check every configuration, and that they can share a pool.
+
+    Raises
+    ------
+    UsageError
+        Names the first option that is wrong and what it may be.
+    """
+    for config in configs:
+        validate(config)
+    for name in SHARED:
+        if len(values := {str(getattr(config, name)) for config in configs}) > 1:
+            raise UsageError(
+                f"{name}={','.join(sorted(values))} cannot be swept: all configurations of a study "
+                f"share one pool and one results_dir, so give {name} one value"
+            )
+
+
+def plan_study(configs: list[Config], console: Console) -> Study:
+    """Find out what a study consists of and what of it is done; nothing is written.
+
+    Parameters
+    ----------
+    configs
+        Valid (`check_study`).
+    console
+        Where warnings go.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    UsageError
+        If a map cannot be had.
+    """
+    results_dir = Path(configs[0].results_dir).expanduser()
+    terrains = load_terrains([config.terrain for config in configs], console)
+    identified = [identify(*pair) for pair in zip(configs, terrains, strict=True)]
+    runs = merge_runs(identified, [seed_list(config.seeds) for config in configs])
+    study = Study([run.name for run in identified], runs, results_dir, pace=learn(results_dir))
+    for run, seeds in runs:
+        for seed in seeds:
+            study.stored[run.name, seed] = inspect(results_dir, run.name, seed)
+    return study
 
 
 def run_study(configs: list[Config], console: Console) -> Study:
@@ -98,33 +165,31 @@ def run_study(configs: list[Config], console: Console) -> Study:
     UsageError
         If a configuration is wrong, a map cannot be had, or the results cannot be written.
     RunError
-        If a table cannot be stored.
+        If a table cannot be stored, or the pool is lost; what is finished is kept.
     """
-    for config in configs:
-        validate(config)
+    check_study(configs)
     first = configs[0]
-    results_dir = Path(first.results_dir).expanduser()
-    prepare(results_dir)
-    terrains = load_terrains([config.terrain for config in configs], console)
-    identified = [identify(*pair) for pair in zip(configs, terrains, strict=True)]
-    runs = merge_runs(identified, [seed_list(config.seeds) for config in configs])
-    study = Study([run.name for run in identified], runs, results_dir)
-    wanted = [(run, seed) for run, seeds in study.runs for seed in seeds]
-    todo = [
-        (run, seed)
-        for run, seed in wanted
-        if not (first.resume and is_done(results_dir, run.name, seed))
-    ]
-    study.kept = len(wanted) - len(todo)
+    prepare(Path(first.results_dir).expanduser())
+    study = plan_study(configs, console)
+    for stored in study.stored.values():
+        if stored.state == "broken":
+            console.print(f"WARNING: {stored.reason}: it is computed again", style="yellow",
+                          soft_wrap=True)  # fmt: skip
+    tasks = study.todo(first.resume)
+    study.kept = len(study.stored) - len(tasks)
     if study.kept:
-        console.print(f"{study.kept} of {len(wanted)} missions are there already and are kept")
-    # Longest first, so that no worker starts a long mission when the others are done.
-    todo.sort(key=lambda item: -item[0].config.budget)
-    tasks = [Task(run, seed, number) for number, (run, seed) in enumerate(todo)]
+        console.print(
+            f"{study.kept} of {len(study.stored)} missions are there already and are kept"
+        )
+    for run, seeds in study.runs:
+        done = any(study.stored[run.name, seed].state == "done" for seed in seeds)
+        if done and save_configuration(study.results_dir, run):
+            console.print(f"WARNING: runs/{run.name}.yaml did not hold the run's configuration: "
+                          "it is written again", style="yellow", soft_wrap=True)  # fmt: skip
     start = time.monotonic()
     if tasks:
-        compile_kernels([run for run, _ in study.runs], console)
-        fly_all(tasks, study, first.n_jobs, console)
+        with stoppable():
+            fly_all(tasks, study, first, console)
     study.seconds = time.monotonic() - start
     return study
 
@@ -163,91 +228,211 @@ def merge_runs(runs: list[Run], seeds: list[list[int]]) -> list[tuple[Run, list[
     return list(merged.values())
 
 
-def compile_kernels(runs: list[Run], console: Console) -> None:
-    """Compile the numerical kernels here, once, so that all workers find them in the cache.
+def fly_all(tasks: list[Task], study: Study, config: Config, console: Console) -> None:
+    """Fly missions in parallel; store each as it comes back.
 
-    Each kind of run is flown for an epoch with next to no data.
+    Parameters
+    ----------
+    tasks
+        In the order in which they are to be started.
+    study
+        What it counts, and where its results are.
+    config
+        How to run: workers, backend, what to do on an error.
+    console
+        Where progress goes.
+
+    Raises
+    ------
+    RunError
+        If a table cannot be stored, or the pool is lost.
     """
-    from infoplan.mission import Mission
-
-    shrunk: list[MissionConfig] = []
-    for run in runs:
-        config = replace(
-            run.config,
-            detector=DetectorConfig(),
-            pilot=replace(run.config.pilot, samples=5),
-            model=replace(run.config.model, pilot_iterations=1, iterations=1),
-            planner=replace(run.config.planner, iterations=2),
-            grid=[2, 2],
-            budget=6,
-        )
-        if config not in shrunk:
-            shrunk.append(config)
-    notice = threading.Timer(
-        1.0, console.print, ["compiling the numerical kernels, once on this machine ..."]
-    )
-    notice.start()
-    try:
-        for config in shrunk:
-            for _ in Mission(config, runs[0].terrain, seed=0).run():
-                pass
-    finally:
-        notice.cancel()
-
-
-def fly_all(tasks: list[Task], study: Study, n_jobs: int, console: Console) -> None:
-    """Fly missions in parallel; store each as it comes back."""
     lines = [
-        Line(f"{task.run.name} seed {task.seed}", task.run.config.budget, task.run.terrain.unit)
+        Line(f"{task.run.name} seed {task.seed}", task.run.terrain.unit, task.run.config.budget,
+             kind_of(task.run.science))
         for task in tasks
-    ]
-    with Display(lines, console) as display:
-        for outcome in _outcomes(tasks, n_jobs, display.address):
-            task = outcome.task
-            if outcome.tables is None:
-                reason = outcome.failure.strip().splitlines()[-1]
-                study.failed.append((lines[task.number].label, outcome.failure))
-                display.fail(task.number, reason)
+    ]  # fmt: skip
+    with (
+        Display(lines, study.pace, 1, study.kept, console) as display,
+        open_pool(config.backend, config.n_jobs, config.scheduler, display.address, display.say)
+        as pool,
+    ):  # fmt: skip
+        display.workers = pool.size()
+        pool.get_ready(
+            [run.config for run in {t.run.name: t.run for t in tasks}.values()], len(tasks)
+        )
+        Flight(tasks, study, config, pool, display).fly()
+
+
+class Flight:
+    """The missions of a study on their way through a pool.
+
+    A mission is waiting, held (by another process), or flying, under this process's lock.
+    """
+
+    def __init__(
+        self, tasks: list[Task], study: Study, config: Config, pool: Pool, display: Display
+    ):
+        self.study, self.config, self.pool, self.display = study, config, pool, display
+        self.waiting = deque(tasks)
+        self.held: list[Task] = []
+        self.locks: dict[int, Lock | None] = {}
+        self.tries: dict[int, int] = {}
+        self.warned: set[str] = set()
+        self.stopping = False
+
+    def fly(self) -> None:
+        """Fly all missions to their end."""
+        try:
+            while self.waiting or self.held or self.locks:
+                self.start_missions()
+                for outcome in self.pool.wait(POLL_SECONDS):
+                    self.settle(outcome)
+                if self.held and not self.waiting:
+                    if not self.locks:
+                        self.warn(
+                            "others", "another infoplan process flies the rest: waiting for it"
+                        )
+                        time.sleep(POLL_SECONDS)
+                    self.waiting.extend(self.held)
+                    self.held.clear()
+        finally:
+            for lock in self.locks.values():
+                if lock:
+                    lock.release()
+
+    def start_missions(self) -> None:
+        """Start missions while there is room; what another process flies is left for last."""
+        self.display.workers = self.pool.size()
+        while self.waiting and len(self.locks) < self.display.workers:
+            task = self.waiting.popleft()
+            try:
+                lock = acquire(self.study.results_dir, task.run.name, task.seed)
+            except NoLocksError as error:
+                self.warn("locks", f"the file system of {self.study.results_dir} knows no locks "
+                          f"({error.strerror}): do not run a second infoplan on it")  # fmt: skip
+                lock = None
+            except OSError as error:
+                raise RunError(
+                    f"no lock can be taken in {self.study.results_dir} ({error.strerror}): make "
+                    "room, then run the same command again; what is finished is kept"
+                ) from error
+            else:
+                if lock is None:
+                    self.held.append(task)
+                    continue
+            if self.done_elsewhere(task):
+                if lock:
+                    lock.release()
+                self.study.kept += 1
+                self.display.skip(task.number)
                 continue
-            footer = outcome.footer | {"command": sys.orig_argv, "git": git_state()}
-            save_mission(study.results_dir, task.run, task.seed, outcome.tables, footer)
-            study.computed += 1
-            display.finish(task.number, outcome.seconds, outcome.tables.curves["rmse"][-1].as_py())
+            self.locks[task.number] = lock
+            self.tries[task.number] = self.tries.get(task.number, 0) + 1
+            self.display.start(task.number)
+            self.pool.start(task)
+
+    def done_elsewhere(self, task: Task) -> bool:
+        """Whether another process has finished a mission since this study began."""
+        name, seed = task.run.name, task.seed
+        return self.config.resume and inspect(self.study.results_dir, name, seed).state == "done"
+
+    def settle(self, outcome: Outcome) -> None:
+        """Store a mission that has ended, or try it again, or record its failure."""
+        task = outcome.task
+        try:
+            if outcome.tables is not None:
+                self.store(outcome)
+            elif outcome.died and self.may_try_again(task):
+                # Later, when whatever has eaten the memory may be gone.
+                self.waiting.append(task)
+                self.display.wait(task.number)
+                self.display.say(
+                    f"{self.display.lines[task.number].label}  {outcome.reason}: it will be tried "
+                    "once more", "yellow",
+                )  # fmt: skip
+            else:
+                self.record_failure(outcome)
+        finally:
+            lock = self.locks.pop(task.number)
+            if lock:
+                lock.release()
+
+    def may_try_again(self, task: Task) -> bool:
+        """Whether a mission whose worker died has a try left."""
+        return self.tries[task.number] < self.pool.tries and not self.stopping
+
+    def store(self, outcome: Outcome) -> None:
+        """Write the tables of a mission that ended well."""
+        task, tables = outcome.task, outcome.tables
+        assert tables is not None
+        self.warn_of_other_machines(outcome.footer)
+        footer = outcome.footer | {"command": sys.orig_argv, "git": git_state()}
+        save_mission(self.study.results_dir, task.run, task.seed, tables, footer)
+        self.study.computed += 1
+        self.display.finish(task.number, outcome.seconds, tables.curves["rmse"][-1].as_py())
+
+    def record_failure(self, outcome: Outcome) -> None:
+        """Show a failure and keep its traceback; with ``on_error=stop`` start nothing more."""
+        task, label = outcome.task, self.display.lines[outcome.task.number].label
+        reason, details = outcome.reason, outcome.failure
+        if outcome.died and self.tries[task.number] > 1:
+            reason = details = f"{reason}, for the second time"
+        self.display.fail(task.number, reason)
+        when = datetime.now(UTC).isoformat(timespec="seconds")
+        text = f"{label}\n{when}\n{' '.join(sys.orig_argv)}\n\n{details}"
+        path = save_failure(self.study.results_dir, task.run.name, task.seed, text)
+        self.study.failed.append((label, reason, path))
+        if self.config.on_error == "stop":
+            self.stopping = True
+            self.study.unstarted += len(self.waiting) + len(self.held)
+            self.waiting.clear()
+            self.held.clear()
+
+    def warn_of_other_machines(self, footer: dict[str, Any]) -> None:
+        """Say once if missions of this study were computed where the last digits may differ."""
+        for stored in self.study.stored.values():
+            differing = differences(stored.footer, footer) if stored.state == "done" else []
+            if differing and self.config.resume:
+                self.warn(
+                    "machine", f"missions of this study were computed elsewhere (other "
+                    f"{', '.join(differing)}): their last digits may differ; resume=false computes "
+                    "all of them here",
+                )  # fmt: skip
+                return
+
+    def warn(self, subject: str, text: str) -> None:
+        """Show a warning once."""
+        if subject not in self.warned:
+            self.warned.add(subject)
+            self.display.say(f"WARNING: {text}" if subject != "others" else text, "yellow")
 
 
-def _outcomes(tasks: list[Task], n_jobs: int, address: Address) -> Iterator[Outcome]:
-    from joblib import Parallel, delayed, parallel_config
+def differences(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
+    """Name what differs between two footers in machine and mathematics."""
+    differing = [name for name in MACHINE if one.get(name) != other.get(name)]
+    libraries = [footer.get("libraries") or {} for footer in (one, other)]
+    return differing + [
+        name for name in MATHEMATICS if libraries[0].get(name) != libraries[1].get(name)
+    ]
 
-    with parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1):
-        # One mission a dispatch: a finished mission must come back at once.
-        pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
-        yield from pool(delayed(fly)(task, address) for task in tasks)
 
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end a study as Ctrl-C does: workers ended, finished missions kept."""
 
-def fly(task: Task, address: Address | None) -> Outcome:
-    """Fly one mission in a worker, on one thread, and return its tables."""
-    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
-    from threadpoolctl import threadpool_limits
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
 
-    from infoplan.mission import Mission
-
-    started, clock = datetime.now(UTC), time.perf_counter()
-    report = reporter(address, task.number)
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in STOPPING:
+            # Whatever the user has chosen to ignore (nohup) stays ignored.
+            if signal.getsignal(number) == signal.SIG_DFL:
+                before[number] = signal.signal(number, interrupt)
     try:
-        with threadpool_limits(limits=1):
-            mission = Mission(task.run.config, task.run.terrain, task.seed)
-            rows = []
-            for row in mission.run():
-                rows.append(row)
-                report(row.collected, row.rmse)
-            tables = build_tables(task.run, mission, rows)
-            footer = provenance() | {
-                "started": started.isoformat(timespec="milliseconds"),
-                "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
-                "seconds": time.perf_counter() - clock,
-            }
-    except (UsageError, RunError) as error:
-        return Outcome(task, time.perf_counter() - clock, failure=str(error))
-    except Exception:
-        return Outcome(task, time.perf_counter() - clock, failure=traceback.format_exc())
-    return Outcome(task, time.perf_counter() - clock, tables, footer)
+        yield
+    finally:
+        for number, handler in before.items():
+            with suppress(ValueError):
+                signal.signal(number, handler)

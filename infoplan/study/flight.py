@@ -1,0 +1,169 @@
+"""What a worker does: fly one mission and hand back its tables, or say why not."""
+
+import os
+import threading
+import time
+import traceback
+import warnings
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import Any
+
+from infoplan.config import DetectorConfig, MissionConfig, TerrainConfig
+from infoplan.errors import RunError
+from infoplan.study.identity import NUMERICS_VERSION, Run
+from infoplan.study.progress import COMPILING, Address, reporter
+from infoplan.study.provenance import provenance
+from infoplan.study.store import MissionTables, build_tables
+
+NOTICE_SECONDS = 2.0
+"""Kernels that are in the cache are loaded in less; whatever takes longer is compiling."""
+
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
+     "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS"),
+    "1",
+)  # fmt: skip
+"""Environment of a worker: missions run side by side, each on one thread."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A mission to fly: one run, one seed, and its number in the display."""
+
+    run: Run
+    seed: int
+    number: int
+
+
+@dataclass
+class Outcome:
+    """What became of a mission.
+
+    Attributes
+    ----------
+    task
+        Which.
+    seconds
+        How long it took.
+    tables, footer
+        Of a mission that ended well.
+    reason
+        Of one that did not: in a line.
+    failure
+        The same with its traceback.
+    died
+        Its worker died, so that the mission itself may be without fault.
+    """
+
+    task: Task
+    seconds: float = 0.0
+    tables: MissionTables | None = None
+    footer: dict[str, Any] = field(default_factory=dict)
+    reason: str = ""
+    failure: str = ""
+    died: bool = False
+
+
+def fly(task: Task, address: Address | None) -> Outcome:
+    """Fly one mission, on one thread, and return its tables or what went wrong.
+
+    Parameters
+    ----------
+    task
+        The mission.
+    address
+        Where a display listens on this machine; None if nowhere.
+    """
+    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
+    started, clock = datetime.now(UTC), time.perf_counter()
+    report = reporter(address, task.number)
+    report(0, None)
+    try:
+        _check_version(task.run)
+        from threadpoolctl import threadpool_limits
+
+        from infoplan.mission import Mission
+
+        with threadpool_limits(limits=1):
+            mission = Mission(task.run.config, task.run.terrain, task.seed)
+            rows = []
+            for row in mission.run():
+                rows.append(row)
+                report(row.collected, row.rmse)
+            tables = build_tables(task.run, mission, rows)
+            footer = provenance() | {
+                "started": started.isoformat(timespec="milliseconds"),
+                "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+                "seconds": time.perf_counter() - clock,
+            }
+    except Exception as error:
+        return failed(task, error, time.perf_counter() - clock)
+    return Outcome(task, time.perf_counter() - clock, tables, footer)
+
+
+def failed(task: Task, error: BaseException, seconds: float = 0.0) -> Outcome:
+    """Describe a mission that raised."""
+    last = traceback.format_exception_only(error)[-1].strip()
+    return Outcome(task, seconds, reason=last, failure="".join(traceback.format_exception(error)))
+
+
+def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | None) -> None:
+    """Import what missions need, and compile the numerical kernels that are not in the cache.
+
+    To compile, each kind of mission is flown for an epoch with next to no data. What goes wrong
+    here goes wrong in the missions too, and is told there.
+
+    Parameters
+    ----------
+    configs
+        Configurations of the missions to come.
+    compiling
+        False: imports only, because another worker compiles.
+    address
+        Where a display listens that is told if compiling takes long.
+    """
+    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
+    from infoplan.mission import Mission
+    from infoplan.terrain import load_terrain
+
+    if any(config.detector.name == "copod" for config in configs):
+        with suppress(ImportError):
+            import pyod.models.copod  # noqa: F401 - takes a second
+    if not compiling:
+        return
+    shrunk: list[MissionConfig] = []
+    for config in configs:
+        config = replace(
+            config,
+            detector=DetectorConfig(),
+            pilot=replace(config.pilot, samples=5),
+            model=replace(config.model, pilot_iterations=1, iterations=1),
+            planner=replace(config.planner, iterations=2),
+            terrain=TerrainConfig(extent=config.terrain.extent),
+            rho=0.1,
+            grid=[2, 2],
+            budget=6,
+        )
+        if config not in shrunk:
+            shrunk.append(config)
+    notice = threading.Timer(NOTICE_SECONDS, reporter(address, COMPILING), [0, None])
+    notice.daemon = True
+    notice.start()
+    for config in shrunk:
+        with suppress(Exception), warnings.catch_warnings(action="ignore"):
+            terrain = load_terrain("volcano", extent=config.terrain.extent)
+            for _ in Mission(config, terrain, seed=0).run():
+                pass
+    notice.cancel()
+
+
+def _check_version(run: Run) -> None:
+    """Refuse a task from an infoplan whose numbers are others: its tables would be misnamed."""
+    wanted = run.science["numerics_version"]
+    if wanted != NUMERICS_VERSION:
+        raise RunError(
+            f"this worker's infoplan computes numbers of version {NUMERICS_VERSION}, the run wants "
+            f"version {wanted}: install the same infoplan on all machines"
+        )
