@@ -136,9 +136,11 @@ def _terrain(arguments: list[str]) -> int:
 
     action, rest = (arguments[0], arguments[1:]) if arguments else ("", [])
     if action == "list":
-        from infoplan.terrain import TERRAINS
+        from infoplan.terrain import TERRAINS, available
 
-        print("\n".join(f"{name:10} {what}" for name, what in TERRAINS.items()))
+        there = available()
+        for name, what in TERRAINS.items():
+            print(f"{name:12} {what}\n{'':12} {there[name]}")
     elif action == "fetch":
         from infoplan.terrain import fetch_helens
 
@@ -154,27 +156,17 @@ def _show_terrain(arguments: list[str]) -> int:
     from pathlib import Path
 
     from infoplan.draw.terrain_map import describe, draw_terrain
+    from infoplan.hydra_front import compose_terrain
     from infoplan.overrides import parse
     from infoplan.terrain import load_terrain
 
-    chosen = parse(
-        "terrain show",
-        arguments,
-        {
-            "terrain": "helens",
-            "terrain.path": None,
-            "terrain.extent": [0.0, 50.0, 0.0, 50.0],
-            "terrain.unit": None,
-            "results_dir": "results",
-        },
-    )
-    terrain = load_terrain(
-        chosen["terrain"],
-        path=chosen["terrain.path"],
-        extent=chosen["terrain.extent"],
-        unit=chosen["terrain.unit"],
-        on_missing="error",
-    )
+    wanted = [text for text in arguments if text.startswith(("terrain=", "terrain."))]
+    rest = [text for text in arguments if text not in wanted]
+    chosen = parse("terrain show", rest, {"terrain": "helens", "results_dir": "results"})
+    options = vars(compose_terrain(wanted))
+    if "on_missing" in options:
+        options["on_missing"] = "error"
+    terrain = load_terrain(**options)
     print(describe(terrain))
     print(f"drawn to {draw_terrain(terrain, Path(chosen['results_dir']) / 'figures')}")
     return EXIT_OK

@@ -5,6 +5,7 @@ records that the rest of the code reads. `MissionConfig` is the science: what de
 numbers. `Config` adds what does not: seeds, workers, paths.
 """
 
+import copy
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -24,13 +25,14 @@ def option(
     below: float | None = None,
     choices: tuple[str, ...] = (),
     length: int | None = None,
+    science: bool = True,
 ) -> Any:
     """Declare an option: a dataclass field whose metadata say what values are allowed.
 
     Parameters
     ----------
     default
-        The default value; a list is copied for each instance.
+        The default value; a list or mapping is copied for each instance.
     doc
         One line for a person.
     unit
@@ -41,6 +43,8 @@ def option(
         The strings allowed; for an option that is not a string, the strings allowed besides.
     length
         Number of entries that a list must have.
+    science
+        Whether it decides a mission's numbers; False for where a map is found.
     """
     bounds = {"at least": at_least, "above": above, "at most": at_most, "below": below}
     metadata = {
@@ -49,27 +53,114 @@ def option(
         "bounds": {name: bound for name, bound in bounds.items() if bound is not None},
         "choices": choices,
         "length": length,
+        "science": science,
     }
-    if isinstance(default, list):
-        return field(default_factory=lambda: list(default), metadata=metadata)
+    if isinstance(default, list | dict):
+        return field(default_factory=lambda: copy.deepcopy(default), metadata=metadata)
     return field(default=default, metadata=metadata)
 
 
 @dataclass
 class TerrainConfig:
-    """The ground truth and its workspace."""
+    """The ground truth and its workspace; the built-in maps have no further options."""
 
-    name: str = option("helens", "which map", choices=("helens", "volcano", "jacksboro", "file"))
-    path: str | None = option(None, "a map file, or a folder that holds the named map")
+    name: str = option("volcano", "which map", choices=("volcano", "jacksboro"))
     extent: list[float] = option(
         [0.0, 50.0, 0.0, 50.0], "xmin, xmax, ymin, ymax", unit="workspace units", length=4
     )
-    unit: str | None = option(None, "unit of the elevations; null: the map's own")
+    unit: str | None = option(
+        None, "unit of the elevations, converted where the map's own is known; null: its own"
+    )
+    orientation: int = option(
+        0,
+        "quarter turns counter-clockwise; from 4 on mirrored first",
+        at_least=0,
+        at_most=7,
+    )
+
+
+@dataclass
+class HelensConfig(TerrainConfig):
+    """The paper's grid of Mount St. Helens."""
+
+    name: str = option("helens", "which map", choices=("helens",))
+    path: str | None = option(None, "the grid's file, or a folder that holds it", science=False)
     on_missing: str = option(
         "fallback",
         "where helens can be had nowhere: go on with volcano, or stop",
         choices=("fallback", "error"),
+        science=False,
     )
+
+
+@dataclass
+class FileConfig(TerrainConfig):
+    """A map in a file; what is done to it, in this order: nodata, shape, crop."""
+
+    name: str = option("file", "which map", choices=("file",))
+    path: str | None = option(None, "the map's file, or a .zip archive with it", science=False)
+    member: str | None = option(
+        None, "the map's name in a .zip archive; null: the only one", science=False
+    )
+    array: str | None = option(None, "the array's name in a .npz file; null: the only one")
+    nodata: str = option(
+        "refuse",
+        "missing elevations: refuse the map, or fill each from the nearest node",
+        choices=("refuse", "fill"),
+    )
+    shape: list[int] | None = option(
+        None,
+        "rows and columns to resample to, anti-aliased; null: as in the file",
+        at_least=2,
+        length=2,
+    )
+    crop: list[int] | None = option(
+        None,
+        "first row, end row, first column, end column to keep, of the resampled map; from the end "
+        "if negative; null: all",
+        length=4,
+    )
+
+
+@dataclass
+class RandomFieldConfig(TerrainConfig):
+    """Gaussian random field with a Gaussian kernel."""
+
+    name: str = option("random_field", "which map", choices=("random_field",))
+    seed: int = option(0, "which field of those with these options", at_least=0)
+    shape: list[int] = option([100, 100], "rows and columns", at_least=2, length=2)
+    lengthscale: list[float] = option(
+        [6.0, 6.0], "lengthscales along x and y", unit="workspace units", above=0, length=2
+    )
+    amplitude: float = option(300.0, "standard deviation", unit="the terrain's", above=0)
+    mean: float = option(1000.0, "mean", unit="the terrain's")
+
+
+@dataclass
+class OwnTerrainConfig(TerrainConfig):
+    """What a function of the user's own returns."""
+
+    name: str = option("own", "which map", choices=("own",))
+    function: str | None = option(
+        None, "module.function that returns the elevations, or elevations and their unit"
+    )
+    options: dict[str, Any] = option({}, "the function's keyword-only parameters")
+
+
+TERRAIN_SCHEMAS: dict[str, type[TerrainConfig]] = {
+    "helens": HelensConfig,
+    "volcano": TerrainConfig,
+    "jacksboro": TerrainConfig,
+    "file": FileConfig,
+    "random_field": RandomFieldConfig,
+    "own": OwnTerrainConfig,
+}
+"""Options of each terrain."""
+
+
+def terrain_kind(name: str) -> str:
+    """Kind of a terrain, a key of `TERRAIN_SCHEMAS`, from its name, as in ``file-hills``."""
+    return name.partition("-")[0]
 
 
 @dataclass
@@ -220,7 +311,7 @@ class MissionConfig:
 
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     detector: DetectorConfig = field(default_factory=CopodConfig)
-    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    terrain: TerrainConfig = field(default_factory=HelensConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
@@ -287,8 +378,7 @@ def validate(config: MissionConfig) -> None:
     UsageError
         Names the first option that is wrong and what it may be.
     """
-    for name, value, metadata in options(config):
-        _check_option(name, value, metadata)
+    check_options(config)
     xmin, xmax, ymin, ymax = config.terrain.extent
     if not (xmin < xmax and ymin < ymax):
         raise UsageError(
@@ -333,12 +423,26 @@ def validate(config: MissionConfig) -> None:
             )
 
 
+def check_options(config: object, prefix: str = "") -> None:
+    """Check every option against its own choices and bounds.
+
+    Raises
+    ------
+    UsageError
+        Names the first option that is wrong and what it may be.
+    """
+    for name, value, metadata in options(config, prefix):
+        _check_option(name, value, metadata)
+
+
 def describe(metadata: dict[str, Any]) -> str:
     """Say what values an option takes, from the metadata that `options` yields."""
     kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
     words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
     if metadata["choices"]:
         described = _either(metadata["choices"])
+    elif "dict" in str(metadata["type"]):
+        described = "a mapping"
     elif "list" in str(metadata["type"]):
         length = metadata["length"]
         described = f"a list of {length} numbers" if length else "a list"
@@ -375,6 +479,8 @@ def seed_list(seeds: Any) -> list[int]:
 
 def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
     choices = metadata["choices"]
+    if value is None:
+        return
     if isinstance(value, str):
         if choices and value not in choices:
             also = " or a whole number" if metadata["bounds"] else ""

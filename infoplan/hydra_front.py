@@ -33,6 +33,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from infoplan.config import (
+    TERRAIN_SCHEMAS,
     Config,
     CopodConfig,
     DetectorConfig,
@@ -52,9 +53,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
         "best": DetectorConfig(name="best"),
         "copod": CopodConfig(),
     },
-    "terrain": {
-        name: TerrainConfig(name=name) for name in ("helens", "volcano", "jacksboro", "file")
-    },
+    "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()},
     "model": {"gp": ModelConfig()},
 }
 """Schema of every choice of every group; each YAML file in ``infoplan.conf`` repeats one."""
@@ -70,6 +69,9 @@ Act = Callable[[list[Config]], tuple[int, list[float]]]
 
 _act: Act
 """What to do in this call: Hydra cannot hand it on."""
+
+OWN_OPTION = re.compile(r"\w+\.options\.")
+"""How an option of a user's own function begins."""
 
 _statuses: list[int | Exception] = []
 """Exit status or error of each study: Hydra keeps what a job returns or raises to itself."""
@@ -111,7 +113,7 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     _statuses.clear()
     flags, overrides = sort_arguments(arguments)
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
-    with _command_line([*flags, *overrides]):
+    with _command_line([*flags, *map(_admitted, overrides)]):
         try:
             entry(_task)()
         except (HydraException, OmegaConfBaseException) as error:
@@ -123,6 +125,25 @@ def compose_and(act: Act, arguments: list[str]) -> int:
         if isinstance(status, Exception):
             raise status
     return max((status for status in _statuses if isinstance(status, int)), default=0)
+
+
+def compose_terrain(overrides: list[str]) -> TerrainConfig:
+    """Read ``terrain=...`` and ``terrain.option=...`` as ``infoplan run`` does.
+
+    Raises
+    ------
+    UsageError
+        If a choice, an option or a value is wrong.
+    """
+    from hydra import compose, initialize_config_module
+
+    register()
+    try:
+        with initialize_config_module("infoplan.conf", version_base="1.3"):
+            composed = compose("config", [_admitted(override) for override in overrides])
+            return _to_config(composed).terrain
+    except (HydraException, OmegaConfBaseException) as error:
+        raise UsageError(explain(error)) from error
 
 
 def complete(arguments: list[str]) -> int:
@@ -303,18 +324,17 @@ def explain(error: BaseException) -> str:
             f"{match[1]} gives several values: add -m to run them all, or quote what is one value"
         )
     if match := re.search(r"Could not override '([^']+)'", text):
-        return _no_option(match[1], Config())
+        return _no_option(match[1])
     if match := re.search(r"Error merging override ([^=\s]+)=(\S*)", text):
         name, value = match[1].lstrip("+~"), match[2]
-        known = {option_name: metadata for option_name, _, metadata in options(Config())}
-        if name in known:
-            return f"{name}={value} is not possible: {name} must be {describe(known[name])}"
+        if metadata := _all_options().get(name):
+            return f"{name}={value} is not possible: {name} must be {describe(metadata)}"
     first = next(line for line in text.splitlines() if line.strip())
     return f"the command line cannot be read: {first}"
 
 
-def _no_option(name: str, config: Config) -> str:
-    known = [option_name for option_name, _, _ in options(config)]
+def _no_option(name: str) -> str:
+    known = _all_options()
     if name in known:
         group = name.split(".")[0]
         return (
@@ -324,6 +344,21 @@ def _no_option(name: str, config: Config) -> str:
         f"there is no option {name!r}{suggest(name, [*known, *SCHEMAS, 'experiment'])}: "
         "infoplan run --help lists all"
     )
+
+
+def _all_options() -> dict[str, dict[str, Any]]:
+    """Metadata of every option that some choice has."""
+    known = {name: metadata for name, _, metadata in options(Config())}
+    for group, choices in SCHEMAS.items():
+        for schema in choices.values():
+            for name, _, metadata in options(schema, f"{group}."):
+                known.setdefault(name, metadata)
+    return known
+
+
+def _admitted(override: str) -> str:
+    """Let Hydra take the options of a user's own function, of which it has no list."""
+    return f"++{override}" if OWN_OPTION.match(override) else override
 
 
 def _task(composed: DictConfig) -> float:
@@ -396,7 +431,7 @@ def _to_config(composed: DictConfig) -> Config:
     config = OmegaConf.to_object(composed)
     assert isinstance(config, Config)
     for name in _added_keys(config):
-        raise UsageError(_no_option(name, config))
+        raise UsageError(_no_option(name))
     return config
 
 

@@ -6,8 +6,17 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
 
-from infoplan.config import Config, CopodConfig, MissionConfig
+from infoplan.config import (
+    TERRAIN_SCHEMAS,
+    Config,
+    CopodConfig,
+    MissionConfig,
+    OwnTerrainConfig,
+    TerrainConfig,
+    terrain_kind,
+)
 from infoplan.errors import RunError
+from infoplan.own import load, resolve_options
 from infoplan.terrain import Terrain
 
 NUMERICS_VERSION = 1
@@ -43,7 +52,7 @@ def identify(config: Config, terrain: Terrain) -> Run:
     """Resolve a configuration on the terrain that was loaded for it, and name the run."""
     resolved = resolve(config, terrain)
     science: dict[str, Any] = asdict(resolved)
-    for irrelevant in ("path", "on_missing"):
+    for irrelevant in _whereabouts(resolved.terrain):
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
@@ -73,12 +82,33 @@ def resolve(config: Config, terrain: Terrain) -> MissionConfig:
     """
     science = {item.name: getattr(config, item.name) for item in fields(MissionConfig)}
     resolved = MissionConfig(**science)
-    resolved.terrain = replace(
-        config.terrain, name=terrain.name, extent=list(terrain.extent), unit=terrain.unit
-    )
+    resolved.terrain = _resolve_terrain(config.terrain, terrain)
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
     return resolved
+
+
+def _resolve_terrain(config: TerrainConfig, terrain: Terrain) -> TerrainConfig:
+    """Options of the terrain that was loaded: where helens is missing, those of volcano."""
+    schema = TERRAIN_SCHEMAS[terrain_kind(terrain.name)]
+    resolved = schema(
+        **{
+            item.name: getattr(config, item.name)
+            for item in fields(schema)
+            if hasattr(config, item.name)
+        }
+    )
+    resolved.name = terrain.name
+    resolved.extent = list(terrain.extent)
+    resolved.unit = terrain.unit
+    if isinstance(resolved, OwnTerrainConfig) and resolved.function is not None:
+        resolved.options = resolve_options(load(resolved.function), resolved.options)
+    return resolved
+
+
+def _whereabouts(schema: Any) -> list[str]:
+    """Options that say where something is found, and not what it is."""
+    return [item.name for item in fields(schema) if not item.metadata.get("science", True)]
 
 
 def config_from_science(science: Mapping[str, Any]) -> MissionConfig:
@@ -104,10 +134,13 @@ def config_from_science(science: Mapping[str, Any]) -> MissionConfig:
         for item in fields(MissionConfig):
             value = options[item.name] = science[item.name]
             if is_dataclass(item.type):
-                copod = item.name == "detector" and value["name"] == "copod"
-                schema: Any = CopodConfig if copod else item.type
+                schema: Any = item.type
+                if item.name == "detector" and value["name"] == "copod":
+                    schema = CopodConfig
+                elif item.name == "terrain":
+                    schema = TERRAIN_SCHEMAS[terrain_kind(value["name"])]
                 stored = {key: entry for key, entry in value.items() if key != "sha256"}
-                absent = {part.name for part in fields(schema)} - {"path", "on_missing", *stored}
+                absent = {part.name for part in fields(schema)} - {*_whereabouts(schema), *stored}
                 if absent:
                     raise KeyError(f"{item.name}.{min(absent)}")
                 options[item.name] = schema(**stored)

@@ -206,13 +206,7 @@ def load_terrains(wanted: Iterable[TerrainConfig], console: Console) -> list[Ter
         if key not in loaded:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                loaded[key] = load_terrain(
-                    config.name,
-                    path=config.path,
-                    extent=tuple(config.extent),
-                    unit=config.unit,
-                    on_missing=config.on_missing,
-                )
+                loaded[key] = load_terrain(**vars(config))
             for warning in caught:
                 console.print(f"WARNING: {warning.message}", style="bold yellow", soft_wrap=True)
         terrains.append(loaded[key])

@@ -1,13 +1,14 @@
-"""Terrains: elevations over a workspace, from the paper's grid, built-in surfaces or a file."""
+"""Terrains: elevations over a workspace, built in, drawn at random, from a file or a function."""
 
 from infoplan.terrain.helens import fetch_helens, find_helens
-from infoplan.terrain.load import TERRAINS, TerrainFallbackWarning, load_terrain
+from infoplan.terrain.load import TERRAINS, TerrainFallbackWarning, available, load_terrain
 from infoplan.terrain.surface import Terrain
 
 __all__ = [
     "TERRAINS",
     "Terrain",
     "TerrainFallbackWarning",
+    "available",
     "fetch_helens",
     "find_helens",
     "load_terrain",

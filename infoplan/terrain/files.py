@@ -1,23 +1,17 @@
 """Maps from the user's own files."""
 
 import hashlib
-import io
-import math
 import re
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from infoplan.errors import UsageError
+from infoplan.terrain import archives, arrays, rasters
+from infoplan.terrain.grids import Grid
+from infoplan.wording import suggest
 
-NUMERIC_KINDS = "iuf"
-# Version 3 differs from 2 in the names of fields alone, which a map has not.
-HEADER_READERS = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-    (3, 0): np.lib.format.read_array_header_2_0,
-}
+TEXTS = (".csv", ".tsv", ".txt")
+ENDINGS = (".npy", ".npz", *TEXTS, *rasters.DRIVERS)
+"""How the names of the files end that hold a map; besides, ``.zip`` archives of them."""
 
 
 def terrain_name(path: Path) -> str:
@@ -25,89 +19,73 @@ def terrain_name(path: Path) -> str:
     return "file-" + (re.sub(r"[^A-Za-z0-9_-]+", "-", path.stem).strip("-") or "map")
 
 
-def read_npy(path: Path) -> tuple[NDArray[np.float64], str]:
-    """Read a map from a NumPy file.
+def read_map(
+    path: Path, member: str | None = None, array: str | None = None, coarsen: bool = False
+) -> tuple[Grid, str]:
+    """Read a map from a file, or from a file in a ``.zip`` archive.
+
+    A georeferenced map comes north up, the south as its first row; a picture without a place in the
+    world comes with its lowest row first; an array or a text as it is, its first row the y minimum.
 
     Parameters
     ----------
     path
-        A ``.npy`` file with a two-dimensional array of real numbers; row 0 is the y minimum.
+        The file; its ending, one of `ENDINGS` or ``.zip``, says what it is.
+    member
+        The map's name in an archive.
+    array
+        The array's name in a ``.npz`` file.
+    coarsen
+        Whether a file too large to be read as it is may be read coarser.
 
     Returns
     -------
-    elevation : ndarray, shape (R, C)
+    grid : Grid
+        NaN or infinite where an elevation is missing.
     sha256 : str
-        Digest of the file's bytes.
+        Digest of the map's file, of the unpacked one if it was in an archive.
 
     Raises
     ------
     UsageError
-        If there is no such file, or it holds something else than finite elevations that vary.
+        If there is no such file, or it holds no map.
     """
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no file that exists"
-        raise UsageError(f"terrain.path={path} names {what}: give a .npy file that holds the map")
+        raise UsageError(f"terrain.path={path} names {what}: give the file that holds the map")
     try:
-        _check_header(path)
-        content = path.read_bytes()
+        if path.suffix.lower() != ".zip":
+            if member is not None:
+                raise UsageError(
+                    f"terrain.member={member} has no use with terrain.path={path}, which is no "
+                    ".zip archive: leave it out"
+                )
+            return _read_file(path, str(path), array, coarsen)
+        with archives.unpacked(path, member, ENDINGS) as file:
+            return _read_file(file, f"{path} ({file.name})", array, coarsen)
     except OSError as error:
         raise UsageError(
-            f"terrain.path={path} cannot be read ({error.strerror}): give a .npy file that "
-            "you may read"
+            f"terrain.path={path} cannot be read ({error.strerror}): give a file that you may read"
         ) from error
-    stored = np.load(io.BytesIO(content), allow_pickle=False)
-    with np.errstate(over="ignore"):  # what a double cannot hold becomes infinite, caught below
-        elevation = stored.astype(np.float64, order="C")
-    broken = int(np.sum(~np.isfinite(elevation)))
-    if broken:
-        raise UsageError(
-            f"the map in {path} has {broken} nodes that are NaN or infinite: fill them first, "
-            "every elevation must be finite"
-        )
-    if np.all(elevation == elevation[0, 0]):
-        raise UsageError(
-            f"the map in {path} is {elevation[0, 0]:g} everywhere: there is nothing to map, "
-            "give one whose elevations vary"
-        )
-    return elevation, hashlib.sha256(content).hexdigest()
 
 
-def _check_header(path: Path) -> None:
-    """Refuse a file by its header alone, before any memory is taken for what it claims to hold."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        try:
-            read_header = HEADER_READERS[np.lib.format.read_magic(file)]
-            shape, _, dtype = read_header(file)
-        except OSError:
-            raise
-        except Exception as error:  # a mangled header fails in many ways
-            raise UsageError(
-                f"{path} is not a .npy file, or it is damaged: save the map with numpy.save"
-            ) from error
-        available = size - file.tell()
-    if dtype.hasobject:
+def _read_file(file: Path, what: str, array: str | None, coarsen: bool) -> tuple[Grid, str]:
+    ending = file.suffix.lower()
+    if ending not in ENDINGS:
         raise UsageError(
-            f"{path} holds pickled Python objects, which are never loaded: save the map with "
-            "numpy.save as an array of numbers"
+            f"{what} has an ending that no map has{suggest(ending, ENDINGS)}: "
+            f"a map's name ends in {', '.join(ENDINGS)} or .zip"
         )
-    if dtype.kind not in NUMERIC_KINDS:
+    if array is not None and ending != ".npz":
         raise UsageError(
-            f"the map in {path} is of type {dtype}: elevations must be real numbers, integer "
-            "or floating"
+            f"terrain.array={array} has no use with {what}, which is no .npz file: leave it out"
         )
-    if len(shape) != 2:
-        raise UsageError(
-            f"the map in {path} has the shape {shape}: it must have two dimensions, "
-            "rows along y and columns along x"
-        )
-    if min(shape) < 2:
-        raise UsageError(
-            f"the map in {path} has the shape {shape}: it must have at least 2 rows and 2 columns"
-        )
-    needed = math.prod(shape) * dtype.itemsize
-    if available < needed:
-        raise UsageError(
-            f"{path} is cut short: it announces {needed} bytes of elevations and has {available}, "
-            "so copy or save it again"
-        )
+    with file.open("rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    if ending == ".npy":
+        return Grid(arrays.read_npy(file, what)), digest
+    if ending == ".npz":
+        return Grid(arrays.read_npz(file, what, array)), digest
+    if ending in TEXTS:
+        return Grid(arrays.read_text(file, what)), digest
+    return rasters.read_raster(file, what, coarsen), digest

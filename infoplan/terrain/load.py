@@ -1,26 +1,45 @@
-"""From a map's name to its terrain."""
+"""From a map's name and options to its terrain."""
 
+import hashlib
+import json
+import math
 import os
+import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from infoplan.config import (
+    TERRAIN_SCHEMAS,
+    FileConfig,
+    HelensConfig,
+    OwnTerrainConfig,
+    RandomFieldConfig,
+    TerrainConfig,
+    check_options,
+    terrain_kind,
+)
 from infoplan.errors import RunError, UsageError
-from infoplan.terrain import files, helens, jacksboro, volcano
+from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volcano
+from infoplan.terrain.grids import Floats, Grid
+from infoplan.terrain.random_field import random_field
 from infoplan.terrain.surface import Terrain, array_digest, checked_extent
+from infoplan.terrain.units import in_unit
+from infoplan.wording import suggest
 
 TERRAINS = {
     "helens": "Mount St. Helens after 1980, the paper's 100 x 100 grid, feet",
     "volcano": "built-in surface with that mountain's dimensions, 100 x 100, feet",
     "jacksboro": "the Jacksboro fault in Tennessee, 344 x 403, metres, from matplotlib",
-    "file": "your own: a 2-D array in the .npy file that terrain.path names",
+    "random_field": "Gaussian random field: terrain.seed, terrain.lengthscale and more",
+    "file": f"your own, in the file that terrain.path names: {', '.join(files.ENDINGS)} or .zip",
+    "own": "your own, made by the function that terrain.function names",
 }
 """Each map's name and what it is."""
 
-BUILT_IN: dict[str, tuple[Callable[[], NDArray[np.float64]], str]] = {
+BUILT_IN: dict[str, tuple[Callable[[], Floats], str]] = {
     "volcano": (volcano.volcano, volcano.UNIT),
     "jacksboro": (jacksboro.jacksboro, jacksboro.UNIT),
 }
@@ -30,79 +49,173 @@ class TerrainFallbackWarning(UserWarning):
     """The paper's grid can be had nowhere, so the built-in volcano takes its place."""
 
 
-def load_terrain(
-    name: str,
-    *,
-    path: str | os.PathLike[str] | None = None,
-    extent: Sequence[float] = (0.0, 50.0, 0.0, 50.0),
-    unit: str | None = None,
-    on_missing: str = "fallback",
-) -> Terrain:
+@dataclass
+class Source:
+    """A map as it was found: its name, its nodes, the digest of its bytes, what was done to it."""
+
+    name: str
+    grid: Grid
+    sha256: str
+    changes: dict[str, Any] = field(default_factory=dict)
+
+
+def load_terrain(name: str, **options: Any) -> Terrain:
     """Load a map.
 
     Parameters
     ----------
     name
-        One of `TERRAINS`.
-    path
-        For ``helens``, the grid's file or a folder that holds ``helens.npy``; None: looked for in
-        ``$INFOPLAN_DATA`` (a file or a folder) and in the user's cache, else downloaded once. For
-        ``file``, the ``.npy`` file. The other maps have none.
-    extent
-        xmin, xmax, ymin, ymax of the workspace it is laid over, workspace units.
-    unit
-        Unit of a file's elevations, metres if None. The other maps have their own, which is all
-        that may be given: nothing is converted.
-    on_missing
-        Where ``helens`` can be had nowhere: ``fallback`` gives ``volcano`` and warns with
-        `TerrainFallbackWarning`; ``error`` raises.
+        One of `TERRAINS`, or the name of a terrain that was loaded, such as ``file-hills``.
+    **options
+        Those of the map's schema in `infoplan.config`: ``extent``, ``unit`` and ``orientation`` for
+        all; for ``helens``, ``path`` and ``on_missing``; and so on. Where ``helens`` can be had
+        nowhere, ``on_missing="fallback"`` gives ``volcano`` and warns with
+        `TerrainFallbackWarning`.
 
     Returns
     -------
     Terrain
+        Its name tells apart the maps of one kind that differ by the file, the seed, the unit they
+        were converted to, or the orientation.
 
     Raises
     ------
     UsageError
-        If the map cannot be had, is not a map, or the arguments do not fit it.
+        If the map cannot be had, is not a map, or the options do not fit it.
     """
-    if name not in TERRAINS:
-        raise UsageError(f"terrain={name} is not a map: use {', '.join(TERRAINS)}")
-    if on_missing not in ("fallback", "error"):
-        raise UsageError(f"terrain.on_missing={on_missing} is not a choice: use fallback or error")
-    bounds = checked_extent(extent)
-    location = None if path is None else Path(path).expanduser()
-    if name == "file":
-        if location is None:
-            raise UsageError("terrain=file needs terrain.path: give the .npy file with the map")
-        elevation, digest = files.read_npy(location)
-        return Terrain(files.terrain_name(location), elevation, bounds, unit or "m", digest)
-    if name == "helens":
-        try:
-            file = helens.find_helens(location) or helens.fetch_helens()
-        except RunError as error:
-            _refuse_or_warn(error, on_missing)
-            name = "volcano"
-        else:
-            _check_unit(name, unit, helens.UNIT)
-            elevation = helens.read_helens(file)
-            return Terrain(name, elevation, bounds, helens.UNIT, helens.SHA256)
-    elif location is not None:
+    config = _configured(name, options)
+    extent = checked_extent(config.extent)
+    source = SOURCES[config.name](config)
+    what = f"terrain={config.name}"
+    own_elevation = source.grid.elevation
+    elevation, unit = in_unit(own_elevation, source.grid.unit, config.unit, what)
+    if elevation is not own_elevation:
+        source.name += f"-{unit}"
+        source.changes["unit"] = unit
+    world = source.grid.node_bounds()
+    if config.orientation:
+        _check_turn(config.orientation, extent)
+        elevation = grids.turned(elevation, config.orientation)
+        source.name += f"-turned{config.orientation}"
+        source.changes["orientation"] = config.orientation
+        world = None
+    digest = source.sha256
+    if source.changes:
+        digest += json.dumps(source.changes, sort_keys=True)
+        digest = hashlib.sha256(digest.encode()).hexdigest()
+    crs = source.grid.crs if world else ""
+    return Terrain(source.name, elevation, extent, unit, digest, world, crs)
+
+
+def available() -> dict[str, str]:
+    """Say of each map, by its name, whether it is to be had on this machine."""
+    file = helens.find_helens()
+    raster_formats = ", ".join(rasters.DRIVERS)
+    return dict.fromkeys(TERRAINS, "here") | {
+        "helens": f"here, {file}" if file else "not here: infoplan terrain fetch downloads it",
+        "file": "here"
+        if rasters.have_rasterio()
+        else f"here, but {raster_formats} need rasterio: pip install 'infoplan[geo]'",
+    }
+
+
+def _configured(name: str, options: dict[str, Any]) -> TerrainConfig:
+    """Put a terrain's options into its schema, checked."""
+    kind = terrain_kind(name)
+    if kind not in TERRAIN_SCHEMAS:
         raise UsageError(
-            f"terrain.path={path} has no use with terrain={name}, which is built in: leave it "
-            "out, or use terrain=file for a map of your own"
+            f"terrain={name} is not a map{suggest(name, TERRAIN_SCHEMAS)}: "
+            f"use {', '.join(TERRAIN_SCHEMAS)}"
         )
-    surface, own_unit = BUILT_IN[name]
-    _check_unit(name, unit, own_unit)
+    schema = TERRAIN_SCHEMAS[kind]
+    known = [item.name for item in fields(schema)]
+    for key in options:
+        if key not in known:
+            raise UsageError(
+                f"terrain={kind} has no option terrain.{key}{suggest(key, known)}: "
+                f"it takes {', '.join(known[1:])}"
+            )
+    config = schema(name=kind, **options)
+    config.extent = list(checked_extent(config.extent))
+    check_options(config, "terrain.")
+    return config
+
+
+def _built_in(config: TerrainConfig) -> Source:
+    surface, unit = BUILT_IN[config.name]
     elevation = surface()
-    return Terrain(name, elevation, bounds, own_unit, array_digest(elevation))
+    return Source(config.name, Grid(elevation, unit), array_digest(elevation))
 
 
-def _check_unit(name: str, unit: str | None, own: str) -> None:
-    if unit not in (None, own):
+def _helens(config: HelensConfig) -> Source:
+    location = None if config.path is None else Path(config.path).expanduser()
+    try:
+        file = helens.find_helens(location) or helens.fetch_helens()
+    except RunError as error:
+        _refuse_or_warn(error, config.on_missing)
+        return _built_in(TerrainConfig("volcano"))
+    return Source("helens", Grid(helens.read_helens(file), helens.UNIT), helens.SHA256)
+
+
+def _file(config: FileConfig) -> Source:
+    if config.path is None:
+        raise UsageError("terrain=file needs terrain.path: give the file with the map")
+    path = Path(config.path).expanduser()
+    grid, digest = files.read_map(path, config.member, config.array, config.shape is not None)
+    changes: dict[str, Any] = {} if config.array is None else {"array": config.array}
+    if config.nodata == "fill" and (full := grids.filled(grid)) is not grid:
+        changes["nodata"], grid = "fill", full
+    if config.shape is not None:
+        # A missing elevation would spread, so none may be left.
+        grids.check_elevations(grid.elevation, str(path))
+        changes["shape"], grid = config.shape, grids.resampled(grid, config.shape)
+    if config.crop is not None:
+        changes["crop"], grid = config.crop, grids.cropped(grid, config.crop)
+    grids.check_elevations(grid.elevation, str(path))
+    return Source(files.terrain_name(path), grid, digest, changes)
+
+
+def _random_field(config: RandomFieldConfig) -> Source:
+    xmin, xmax, ymin, ymax = config.extent
+    elevation = random_field(
+        config.seed,
+        config.shape,
+        (xmax - xmin, ymax - ymin),
+        config.lengthscale,
+        config.amplitude,
+        config.mean,
+    )
+    # Its numbers are in whatever unit is named: nothing is converted.
+    return Source(f"random_field-seed{config.seed}", Grid(elevation), array_digest(elevation))
+
+
+def _own(config: OwnTerrainConfig) -> Source:
+    if config.function is None:
         raise UsageError(
-            f"terrain.unit={unit} does not fit terrain={name}, which is in {own} and is not "
-            "converted: leave terrain.unit out"
+            "terrain=own needs terrain.function: give module.function, which returns the elevations"
+        )
+    grid = own.make(config.function, config.options)
+    grids.check_elevations(grid.elevation, f"what {config.function} returns")
+    name = re.sub(r"\W+", "-", config.function.rpartition(".")[2], flags=re.ASCII).strip("-")
+    return Source(f"own-{name or 'map'}", grid, array_digest(grid.elevation))
+
+
+SOURCES: dict[str, Callable[[Any], Source]] = {
+    "helens": _helens,
+    "volcano": _built_in,
+    "jacksboro": _built_in,
+    "file": _file,
+    "random_field": _random_field,
+    "own": _own,
+}
+
+
+def _check_turn(orientation: int, extent: tuple[float, float, float, float]) -> None:
+    xmin, xmax, ymin, ymax = extent
+    if orientation % 2 and not math.isclose(xmax - xmin, ymax - ymin):
+        raise UsageError(
+            f"terrain.orientation={orientation} turns by a right angle, which would stretch the "
+            f"map over terrain.extent={list(extent)}: make its sides equal, or use an even one"
         )
 
 
@@ -119,5 +232,5 @@ def _refuse_or_warn(error: RunError, on_missing: str) -> None:
         f"the built-in volcano takes the place of helens, because {searched}{error}; to have "
         f"helens, {remedy} (terrain.on_missing=error forbids the replacement)",
         TerrainFallbackWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

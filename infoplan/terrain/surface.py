@@ -25,7 +25,7 @@ class Terrain:
     Attributes
     ----------
     name
-        The map: ``helens``, ``volcano``, ``jacksboro``, or ``file-`` and the file's name.
+        Which map, as in ``helens``, ``file-hills``, ``random_field-seed3``, ``volcano-turned5``.
     elevation
         Shape (R, C), a read-only copy of what was given.
     extent
@@ -33,7 +33,11 @@ class Terrain:
     unit
         Unit of the elevations.
     sha256
-        Digest of the map's bytes: the file's, or those of a built-in surface's array.
+        Digest of the map: of its file's bytes or of its array's, and of what was done to them.
+    world
+        West, east, south and north of the outermost nodes, in `crs`; None without a place there.
+    crs
+        The coordinate system of `world`, in words; empty where it is not known.
 
     Raises
     ------
@@ -46,6 +50,8 @@ class Terrain:
     extent: Extent
     unit: str
     sha256: str
+    world: Extent | None = None
+    crs: str = ""
 
     def __post_init__(self) -> None:
         elevation = np.array(self.elevation, dtype=np.float64, order="C")

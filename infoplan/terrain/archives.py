@@ -1,0 +1,107 @@
+"""Maps in .zip archives."""
+
+import shutil
+import stat
+import tempfile
+import zipfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from infoplan.errors import UsageError
+from infoplan.wording import suggest
+
+MAX_BYTES = 2**30
+"""Largest file that is unpacked."""
+
+
+@contextmanager
+def unpacked(archive: Path, member: str | None, endings: Collection[str]) -> Iterator[Path]:
+    """Unpack one map into a folder that lives as long as the context.
+
+    Parameters
+    ----------
+    archive
+        A ``.zip`` file.
+    member
+        The map's name in it; None: the only file with one of the `endings`.
+    endings
+        How the names of maps end, in lower case.
+
+    Yields
+    ------
+    Path
+        The map, under its own name.
+
+    Raises
+    ------
+    UsageError
+        If the archive is damaged, encrypted or booby-trapped, or does not hold the map.
+    """
+    with tempfile.TemporaryDirectory(prefix="infoplan-") as folder:
+        try:
+            with zipfile.ZipFile(archive) as opened:
+                entry = _entry(opened.infolist(), member, endings, archive)
+                # The name alone, never the path: nothing is written outside the folder.
+                file = Path(folder) / PurePosixPath(entry.filename).name
+                # A stream ends at the size that was claimed, and checked, whatever follows.
+                with opened.open(entry) as packed, file.open("wb") as out:
+                    shutil.copyfileobj(packed, out, 2**20)
+        except UsageError:
+            raise
+        except Exception as error:  # a mangled archive fails in many ways
+            reason = "it is encrypted" if "encrypted" in str(error) else "it is damaged"
+            raise UsageError(
+                f"{archive} cannot be unpacked, {reason}: get it again, or unpack it yourself"
+            ) from error
+        yield file
+
+
+def _entry(
+    entries: list[zipfile.ZipInfo], member: str | None, endings: Collection[str], archive: Path
+) -> zipfile.ZipInfo:
+    for entry in entries:
+        _check_name(entry, archive)
+    maps = {entry.filename: entry for entry in entries if _is_map(entry, endings)}
+    listed = ", ".join(list(maps)[:9])
+    if not maps:
+        raise UsageError(f"{archive} holds no map: a map's name ends in {', '.join(endings)}")
+    if member is None:
+        if len(maps) > 1:
+            raise UsageError(
+                f"{archive} holds {len(maps)} maps: choose one with terrain.member= ({listed})"
+            )
+        member = next(iter(maps))
+    if member not in maps:
+        raise UsageError(
+            f"{archive} holds no map {member!r}{suggest(member, maps)}: "
+            f"terrain.member= takes {listed}"
+        )
+    entry = maps[member]
+    if entry.file_size > MAX_BYTES:
+        raise UsageError(
+            f"{member} in {archive} unpacks to {entry.file_size} bytes, more than the {MAX_BYTES} "
+            "that are unpacked: unpack it yourself if you trust it"
+        )
+    return entry
+
+
+def _check_name(entry: zipfile.ZipInfo, archive: Path) -> None:
+    """Refuse an archive that could write outside the folder it is unpacked to."""
+    # Archives made under Windows may have its separators and drives.
+    path = PureWindowsPath(entry.filename)
+    if path.is_absolute() or path.drive or path.root or ".." in path.parts:
+        raise UsageError(
+            f"{archive} holds the path {entry.filename!r}, which leads out of it: such an archive "
+            "is not opened"
+        )
+    if stat.S_ISLNK(entry.external_attr >> 16):
+        raise UsageError(
+            f"{archive} holds the link {entry.filename!r}: such an archive is not opened"
+        )
+
+
+def _is_map(entry: zipfile.ZipInfo, endings: Collection[str]) -> bool:
+    path = PurePosixPath(entry.filename)
+    hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
+    return not entry.is_dir() and not hidden and path.suffix.lower() in endings
