@@ -115,18 +115,15 @@ def _audit(arguments: list[str]) -> int:
     from infoplan.analyse.audit import audit, render
     from infoplan.config import seed_list
     from infoplan.overrides import parse
-    from infoplan.terrain import find_helens, load_terrain
+    from infoplan.study.identity import stored_terrains
 
-    defaults = {"results_dir": "results", "run": None, "seeds": None, "terrain.path": None}
-    chosen = parse("audit", arguments, defaults)
+    defaults: dict[str, Any] = dict.fromkeys(["run", "seeds", "terrain.path", "terrain.member"])
+    chosen = parse("audit", arguments, {"results_dir": "results"} | defaults)
     seeds = None if chosen["seeds"] is None else seed_list(chosen["seeds"])
-    maps = [load_terrain(name) for name in ("volcano", "jacksboro")]
-    if (helens := find_helens()) is not None:
-        maps.append(load_terrain("helens", path=helens))
-    if chosen["terrain.path"] is not None:
-        maps.append(load_terrain("file", path=chosen["terrain.path"]))
-    known = {terrain.name: terrain.elevation for terrain in maps}
-    findings = list(audit(Path(chosen["results_dir"]), chosen["run"], seeds, known))
+    results_dir = Path(chosen["results_dir"])
+    maps = stored_terrains(results_dir, chosen["terrain.path"], chosen["terrain.member"])
+    known = {terrain.sha256: terrain.elevation for terrain in maps}
+    findings = list(audit(results_dir, chosen["run"], seeds, known))
     print(render(findings))
     return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
 

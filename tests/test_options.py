@@ -50,6 +50,8 @@ DEFAULTS = {
 
 CHANGES = {
     "terrain.extent": [0.0, 60.0, 0.0, 40.0],
+    "terrain.unit": "m",
+    "terrain.orientation": 3,
     "grid": [14, 11],
     "robot.speed": 0.5,
     "robot.samples_per_action": 7,
@@ -107,7 +109,7 @@ def changed(config: Config, name: str, value: object) -> Config:
 
 
 def numbers(config: Config) -> list[np.ndarray]:
-    terrain = load_terrain(config.terrain.name, extent=tuple(config.terrain.extent))
+    terrain = load_terrain(**vars(config.terrain))
     mission = Mission(config, terrain, seed=3)
     curve = [(row.rmse, row.nlpd, row.lml, row.tp, row.fp) for row in mission.run()]
     samples = mission.samples
@@ -128,7 +130,7 @@ def test_defaults_are_the_documented_ones():
 
 def test_every_scientific_option_is_tried_here():
     names = {name for name, _, _ in options(MissionConfig())}
-    names -= {"terrain.name", "terrain.path", "terrain.unit", "terrain.on_missing"}
+    names -= {"terrain.name", "terrain.path", "terrain.on_missing"}
     names -= {"detector.name", "model.name"}
     assert names == set(CHANGES)
 

@@ -179,8 +179,8 @@ def audit(
     seeds
         Seeds to look at; None for all.
     terrains
-        Elevations by the terrain's name, each of shape (R, C); only a run whose terrain is named
-        has its truth checked.
+        Elevations by the digest of the terrain, each of shape (R, C); only a run whose terrain is
+        among them has its truth checked.
 
     Returns
     -------
@@ -232,7 +232,7 @@ def audit_mission(
     results_dir, run, seed
         Where, and which.
     terrains
-        Elevations by the terrain's name, as in `audit`.
+        Elevations by the terrain's digest, as in `audit`.
 
     Returns
     -------
@@ -646,7 +646,7 @@ def _steering(mission: _Mission) -> Floats:
 
 def _check_truth(mission: _Mission) -> str:
     """Check that the truth of samples and map is the bilinear terrain, if the terrain is given."""
-    terrain = mission.terrains.get(mission.option("terrain.name"))
+    terrain = mission.terrains.get(mission.option("terrain.sha256"))
     if terrain is None:
         return ""
     xmin, xmax, ymin, ymax = mission.extent

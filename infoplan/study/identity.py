@@ -4,7 +4,10 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from infoplan.config import (
     TERRAIN_SCHEMAS,
@@ -15,9 +18,9 @@ from infoplan.config import (
     TerrainConfig,
     terrain_kind,
 )
-from infoplan.errors import RunError
+from infoplan.errors import RunError, UsageError
 from infoplan.own import load, resolve_options
-from infoplan.terrain import Terrain
+from infoplan.terrain import Terrain, find_helens, load_terrain
 
 NUMERICS_VERSION = 1
 """Raised by hand whenever the same configuration and seed give other numbers than before."""
@@ -86,6 +89,59 @@ def resolve(config: Config, terrain: Terrain) -> MissionConfig:
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
     return resolved
+
+
+def stored_terrains(
+    results_dir: Path, path: str | None = None, member: str | None = None
+) -> list[Terrain]:
+    """Load the maps of stored runs again, those that are to be had here; nothing is downloaded.
+
+    Parameters
+    ----------
+    results_dir
+        The folder that holds ``runs``.
+    path, member
+        The file, and its name in a ``.zip`` archive, of the runs whose map came from a file; None:
+        their maps are left out.
+
+    Returns
+    -------
+    list of Terrain
+        Each has the digest of the run's map: it is that map, in that unit and orientation.
+
+    Raises
+    ------
+    UsageError
+        If `path` leads to the map of no run.
+    """
+    found: dict[str, Terrain] = {}
+    failure = ""
+    for file in sorted(results_dir.glob("runs/*.yaml")):
+        try:
+            science = yaml.safe_load(file.read_text(encoding="utf-8"))
+            options = vars(config_from_science(science).terrain)
+            digest = science["terrain"]["sha256"]
+        except (OSError, ValueError, TypeError, KeyError, RunError, yaml.YAMLError):
+            continue  # whoever reads the run says what is wrong with it
+        kind = terrain_kind(options["name"])
+        if kind == "helens":
+            options["path"] = find_helens()
+        elif kind == "file":
+            options |= {"path": path, "member": member}
+        if digest in found or options.get("path", "") is None:
+            continue
+        try:
+            terrain = load_terrain(**options)
+        except UsageError as error:
+            failure = f": {error}"
+            continue
+        if terrain.sha256 == digest:
+            found[digest] = terrain
+    if path is not None and not any(terrain.name.startswith("file-") for terrain in found.values()):
+        raise UsageError(
+            f"terrain.path={path} leads to the map of no run in {results_dir}{failure}"
+        )
+    return list(found.values())
 
 
 def _resolve_terrain(config: TerrainConfig, terrain: Terrain) -> TerrainConfig:

@@ -82,12 +82,14 @@ def read_text(file: Path, what: str) -> Floats:
     help_text = "give a line a row, all with the same number of numbers (a missing one is nan)"
     try:
         with file.open(encoding="utf-8-sig") as stream:
-            first = next((line for line in stream if line.strip()), "")
+            first = next((line for line in stream if line.strip()), None)
+            if first is None:
+                raise UsageError(f"{what} is empty: {help_text}")
             delimiter = next((mark for mark in DELIMITERS if mark in first), None)
             columns = len(first.split(delimiter))
             stream.seek(0)
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of an empty file: told below
+                warnings.simplefilter("ignore")  # of blank lines, which are passed over
                 elevation = np.loadtxt(
                     stream,
                     delimiter=delimiter,
@@ -97,6 +99,8 @@ def read_text(file: Path, what: str) -> Floats:
                 )
     except UnicodeDecodeError as error:
         raise UsageError(f"{what} is no text: {help_text}") from error
+    except UsageError:
+        raise
     except (ValueError, OverflowError) as error:
         reason = str(error).splitlines()[0].rstrip(".").partition(";")[0]
         raise UsageError(f"{what} is not a grid of numbers, {reason}: {help_text}") from error

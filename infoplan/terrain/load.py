@@ -135,7 +135,7 @@ def _configured(name: str, options: dict[str, Any]) -> TerrainConfig:
                 f"terrain={kind} has no option terrain.{key}{suggest(key, known)}: "
                 f"it takes {', '.join(known[1:])}"
             )
-    config = schema(name=kind, **options)
+    config = schema(**(options | {"name": kind}))
     config.extent = list(checked_extent(config.extent))
     check_options(config, "terrain.")
     return config

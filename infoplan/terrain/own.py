@@ -33,18 +33,18 @@ def make(path: str, given: dict[str, Any]) -> Grid:
     options = resolve_options(function, given, "terrain.options")
     try:
         made = function(**options)
+        elevation, unit = made if isinstance(made, tuple) and len(made) == 2 else (made, None)
+        array = np.asarray(elevation)
     except Exception as error:  # the function is the user's: anything may happen in it
         reason = " ".join(str(error).split())
         raise UsageError(
             f"terrain.function={path} failed, {type(error).__name__}: {reason}"
         ) from error
-    elevation, unit = made if isinstance(made, tuple) and len(made) == 2 else (made, None)
     if unit is not None and not isinstance(unit, str):
         raise UsageError(
             f"terrain.function={path} returns a {type(unit).__name__} as the unit: return the "
             "elevations, or elevations and unit"
         )
-    array = np.asarray(elevation)
     if array.dtype.kind not in "iuf":
         raise UsageError(
             f"terrain.function={path} returns elevations of type {array.dtype}: they must be "

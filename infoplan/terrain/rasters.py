@@ -3,6 +3,7 @@
 import importlib.util
 import logging
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ DRIVERS = {
 FORMATS = {
     "GTiff": "GeoTIFF",
     "USGSDEM": "USGS ASCII DEM",
-    "SRTMHGT": "SRTM height file",
+    "SRTMHGT": "SRTM height file with a name like N46W123.hgt",
     "AAIGrid": "ESRI ASCII grid",
 }
 BYTES_A_NODE = {"USGSDEM": 1, "SRTMHGT": 2, "AAIGrid": 2}
@@ -69,6 +70,7 @@ def read_raster(file: Path, what: str, coarsen: bool) -> Grid:
             "pip install 'infoplan[geo]', or save the map as .npy"
         )
     import rasterio
+    import rasterio.errors
 
     driver = DRIVERS[file.suffix.lower()]
     # GDAL's own words about a broken file would come besides the one sentence.
@@ -79,9 +81,11 @@ def read_raster(file: Path, what: str, coarsen: bool) -> Grid:
         "GDAL_CACHEMAX": 64,
     }
     try:
-        with rasterio.Env(**settings), rasterio.open(file, driver=driver) as dataset:
-            _check_dataset(dataset, file, what, coarsen)
-            return _north_up(dataset, _read(dataset), what)
+        with warnings.catch_warnings(), rasterio.Env(**settings):
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with rasterio.open(file, driver=driver) as dataset:
+                _check_dataset(dataset, file, what, coarsen)
+                return _north_up(dataset, _read(dataset), what)
     except UsageError:
         raise
     except Exception as error:  # a mangled file fails in many ways

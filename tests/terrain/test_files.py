@@ -1,16 +1,18 @@
-"""Maps of the user's own: what is read, and what is refused in which words."""
+"""Maps in NumPy's files and in texts: what is read, and what is refused in which words."""
 
 import hashlib
 import struct
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from infoplan.errors import UsageError
-from infoplan.terrain import load_terrain
+from infoplan.terrain import arrays, grids, load_terrain
 
 MAP = np.arange(12.0).reshape(3, 4)
 
@@ -69,9 +71,9 @@ def test_home_is_expanded(tmp_path, monkeypatch):
     assert load_terrain("file", path="~/map.npy").name == "file-map"
 
 
-def refusal(path) -> str:
+def refusal(path, **options) -> str:
     with pytest.raises(UsageError) as caught:
-        load_terrain("file", path=path)
+        load_terrain("file", path=path, **options)
     message = str(caught.value)
     assert "\n" not in message
     if path is not None:
@@ -102,10 +104,15 @@ def test_not_an_npy_file(content, tmp_path):
     assert "is not a .npy file, or it is damaged" in refusal(path)
 
 
-def test_archive_of_arrays(tmp_path):
-    path = tmp_path / "map.npz"
-    np.savez(path, MAP)
-    assert "is not a .npy file" in refusal(path)
+def test_other_endings(tmp_path):
+    message = refusal(saved(tmp_path, MAP).rename(tmp_path / "map.numpy"))
+    assert "ends in .npy, .npz, .csv" in message
+    assert "did you mean '.npy'" in message
+
+
+def test_endings_may_be_capitals(tmp_path):
+    path = saved(tmp_path, MAP).rename(tmp_path / "MAP.NPY")
+    np.testing.assert_array_equal(load_terrain("file", path=path).elevation, MAP)
 
 
 def test_unknown_format_version(tmp_path):
@@ -127,6 +134,12 @@ def test_header_that_claims_a_huge_array_takes_no_memory(tmp_path):
     path = tmp_path / "map.npy"
     path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + bytes(80))
     assert "cut short" in refusal(path)
+
+
+def test_more_nodes_than_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(grids, "MAX_NODES", 11)
+    path = saved(tmp_path, MAP)
+    assert "has 3 x 4 nodes, more than the 11 that are read" in refusal(path)
 
 
 def test_pickled_objects_are_never_loaded(tmp_path):
@@ -172,7 +185,13 @@ def test_too_small(shape, tmp_path):
 def test_nodes_that_are_not_finite_are_counted(value, tmp_path):
     broken = MAP.copy()
     broken[1, 1:3] = value
-    assert "has 2 nodes that are NaN or infinite" in refusal(saved(tmp_path, broken))
+    assert "has 2 nodes that are missing, NaN or infinite" in refusal(saved(tmp_path, broken))
+
+
+def test_a_map_without_any_elevation(tmp_path):
+    path = saved(tmp_path, np.full((3, 4), np.nan))
+    for nodata in ("refuse", "fill"):
+        assert "holds no elevation at all" in refusal(path, nodata=nodata)
 
 
 def test_constant(tmp_path):
@@ -195,3 +214,144 @@ def test_a_mangled_header_is_refused_or_gives_a_finite_map(place, byte, tmp_path
         return
     assert np.all(np.isfinite(terrain.elevation))
     assert min(terrain.elevation.shape) >= 2
+
+
+def archive(folder: Path, name: str = "map.npz", **maps) -> Path:
+    path = folder / name
+    np.savez_compressed(path, **maps)
+    return path
+
+
+class TestNpz:
+    def test_the_only_array_is_the_map(self, tmp_path):
+        path = archive(tmp_path, elevation=MAP)
+        terrain = load_terrain("file", path=path)
+        np.testing.assert_array_equal(terrain.elevation, MAP)
+        assert terrain.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+    def test_one_of_several_is_named(self, tmp_path):
+        path = archive(tmp_path, before=MAP, after=MAP + 1)
+        terrains = [load_terrain("file", path=path, array=name) for name in ("before", "after")]
+        np.testing.assert_array_equal(terrains[1].elevation, MAP + 1)
+        assert terrains[0].sha256 != terrains[1].sha256
+        assert "choose one with terrain.array= (before, after)" in refusal(path)
+        assert "did you mean 'after'" in refusal(path, array="aftr")
+
+    def test_an_array_has_no_use_elsewhere(self, tmp_path):
+        assert "which is no .npz file" in refusal(saved(tmp_path, MAP), array="elevation")
+
+    def test_no_array(self, tmp_path):
+        path = tmp_path / "map.npz"
+        with zipfile.ZipFile(path, "w"):
+            pass
+        assert "holds no array" in refusal(path)
+
+    @pytest.mark.parametrize("keep", [0.0, 0.3, 0.9])
+    def test_cut_short(self, keep, tmp_path):
+        path = archive(tmp_path, elevation=np.random.default_rng(0).normal(size=(20, 20)))
+        content = path.read_bytes()
+        path.write_bytes(content[: int(keep * len(content))])
+        assert "is not a .npz file, or it is damaged" in refusal(path)
+
+    def test_changed_bytes(self, tmp_path):
+        path = archive(tmp_path, elevation=np.random.default_rng(0).normal(size=(20, 20)))
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 255
+        path.write_bytes(content)
+        assert "damaged" in refusal(path)
+
+    def test_pickled_objects(self, tmp_path):
+        path = tmp_path / "map.npz"
+        np.savez(path, elevation=np.array([[None] * 2] * 2), allow_pickle=True)
+        assert "pickled Python objects" in refusal(path, array="elevation")
+
+    def test_a_header_that_claims_more_than_is_there(self, tmp_path):
+        header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (5000, 5000), }\n"
+        path = tmp_path / "map.npz"
+        with zipfile.ZipFile(path, "w") as out:
+            magic = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header))
+            out.writestr("elevation.npy", magic + header + bytes(80))
+        assert "cut short: it announces 200000000 bytes" in refusal(path)
+
+
+class TestText:
+    @pytest.mark.parametrize(
+        ("mark", "ending"), [(",", "csv"), (";", "csv"), ("\t", "tsv"), (" ", "txt"), ("  ", "txt")]
+    )
+    def test_the_delimiter_is_found_out(self, mark, ending, tmp_path):
+        path = tmp_path / f"map.{ending}"
+        path.write_text("\n".join(mark.join(map(repr, row.tolist())) for row in MAP))
+        terrain = load_terrain("file", path=path)
+        np.testing.assert_array_equal(terrain.elevation, MAP)
+        assert terrain.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "\ufeff1,2\n3,4\n",
+            "1,2\r\n3,4\r\n",
+            "\n1, 2\n\n3 ,4\n\n",
+            "1e0,+2\n3.,4",
+            "1\t2\n3\t4",
+        ],
+    )
+    def test_spellings(self, text, tmp_path):
+        path = tmp_path / "map.csv"
+        path.write_bytes(text.encode())
+        terrain = load_terrain("file", path=path)
+        np.testing.assert_array_equal(terrain.elevation, [[1, 2], [3, 4]])
+
+    @settings(
+        max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    )
+    @given(
+        elevation=hnp.arrays(
+            np.float64,
+            st.tuples(st.integers(2, 5), st.integers(2, 5)),
+            elements=st.floats(-1e5, 1e5),
+            unique=True,
+        )
+    )
+    def test_what_numpy_writes_is_read(self, elevation, tmp_path):
+        path = tmp_path / "map.csv"
+        np.savetxt(path, elevation, delimiter=",", fmt="%.17g")
+        np.testing.assert_array_equal(load_terrain("file", path=path).elevation, elevation)
+
+    @pytest.mark.parametrize(
+        ("text", "words"),
+        [
+            ("", "is empty"),
+            ("\n\n", "is empty"),
+            ("1,2,3\n", "it must have at least 2 rows"),
+            ("1\n2\n3\n", "it must have at least 2 rows"),
+            ("x,y,z\n1,2,3\n4,5,6\n", "could not convert string 'x'"),
+            ("1,2\n3\n", "the number of columns changed from 2 to 1 at row 2"),
+            ("1,2\n3,4,5\n", "the number of columns changed from 2 to 3 at row 2"),
+            ("1,2\n3,\n", "could not convert string ''"),
+            ("1,5;2,5\n3,5;4,5\n", "could not convert string '1,5'"),
+            ("1,2\n3,#4\n", "could not convert string '#4'"),
+            ("1,2\n3,nan\n", "has 1 nodes that are missing"),
+            ("1,1\n1,1\n", "is 1 everywhere"),
+        ],
+    )
+    def test_no_grid_of_numbers(self, text, words, tmp_path):
+        path = tmp_path / "map.csv"
+        path.write_text(text)
+        assert words in refusal(path)
+
+    def test_no_text(self, tmp_path):
+        path = saved(tmp_path, MAP).rename(tmp_path / "map.csv")
+        assert "is no text" in refusal(path)
+
+    def test_too_long(self, tmp_path):
+        path = tmp_path / "map.csv"
+        with path.open("wb") as file:
+            file.truncate(arrays.MAX_TEXT + 1)
+        assert "is a text of more than" in refusal(path)
+
+    def test_more_nodes_than_are_read(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(grids, "MAX_NODES", 11)
+        monkeypatch.setattr(arrays, "MAX_NODES", 11)
+        path = tmp_path / "map.csv"
+        np.savetxt(path, MAP)
+        assert "more than the 11 that are read" in refusal(path)

@@ -162,10 +162,6 @@ class TestLookup:
         with pytest.raises(UsageError, match="from INFOPLAN_DATA"):
             load_terrain("helens")
 
-    def test_a_unit_other_than_feet_is_refused(self, tmp_path):
-        with pytest.raises(UsageError, match=r"terrain\.unit=m .*helens, which is in ft"):
-            load_terrain("helens", path=stored(tmp_path), unit="m")
-
 
 def hang(handler: Handler) -> None:
     handler.server.closing.wait(30)

@@ -1,0 +1,117 @@
+"""Terrains of the user's own: the example, and functions that return no map."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import SMALL, infoplan
+
+from infoplan.cli import main
+from infoplan.errors import UsageError
+from infoplan.terrain import load_terrain
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+OWN = ["terrain=own", "terrain.function=own_terrain.ridges"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "modules", dict(sys.modules))
+    return tmp_path
+
+
+def test_the_example_is_short():
+    assert len((EXAMPLES / "own_terrain.py").read_text().splitlines()) < 40
+
+
+def test_the_example_runs_from_the_command_line(tmp_path):
+    small = [override for override in SMALL if override != "terrain=volcano"]
+    shown = infoplan(
+        "terrain", "show", *OWN, "terrain.options.height=250", f"results_dir={tmp_path}",
+        cwd=EXAMPLES,
+    ).stdout  # fmt: skip
+    assert "own-ridges" in shown
+    infoplan("run", *OWN, "terrain.options.count=3", *small, f"results_dir={tmp_path}",
+             cwd=EXAMPLES)  # fmt: skip
+    curves = pd.read_parquet(tmp_path / "curves")
+    assert set(curves["terrain"]) == {"own-ridges"}
+    (stored,) = (tmp_path / "runs").glob("*.yaml")
+    science = yaml.safe_load(stored.read_text())["terrain"]
+    assert science["function"] == "own_terrain.ridges"
+    assert science["options"] == {"height": 300.0, "count": 3, "nodes": 80, "angle": 30.0}
+    maps = pd.read_parquet(tmp_path / "maps")
+    y, x = maps["x2"] / 50, maps["x1"] / 50
+    across = x * np.cos(np.radians(30)) + y * np.sin(np.radians(30))
+    expected = 500 + 200 * x + 150 * np.cos(6 * np.pi * across)
+    # Linear between nodes: off by up to a curvature's share of the square of their distance.
+    np.testing.assert_allclose(maps["truth"], expected, atol=2.0)
+    swept = infoplan(
+        "run", "-m", *OWN, "terrain.options.count=3", "terrain.options.height=300,200", *small,
+        f"results_dir={tmp_path}", cwd=EXAMPLES,
+    ).stdout  # fmt: skip
+    assert "1 of 2 missions are there already" in swept
+    audited = infoplan("audit", f"results_dir={tmp_path}", cwd=EXAMPLES).stdout
+    assert "truth within" in audited
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["terrain.options.hight=3"], "no option terrain.options.hight (did you mean 'height'?)"),
+        (["terrain.options.height=high"], "terrain.options.height=high does not fit ridges"),
+        (["terrain.options.count=1.5"], "it must be a whole number"),
+        (["terrain.function=own_terrain.ridge"], "did you mean 'ridges'"),
+        (["terrain.function=own_terain.ridges"], "there is no module 'own_terain'"),
+        (["terrain.function=null"], "terrain=own needs terrain.function"),
+    ],
+)
+def test_mistakes_are_one_sentence_and_status_2(overrides, words, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert main(["run", *OWN, *overrides, f"results_dir={tmp_path}"]) == 2
+    said = capfd.readouterr().err
+    assert words in said
+    assert len(said.splitlines()) == 1
+
+
+def test_an_array_alone_is_in_metres_unless_another_unit_is_given(folder):
+    (folder / "flat_lands.py").write_text("def hill():\n    return [[1, 2], [3, 5]]\n")
+    terrain = load_terrain("own", function="flat_lands.hill")
+    assert (terrain.name, terrain.unit) == ("own-hill", "m")
+    assert terrain.elevation.tolist() == [[1, 2], [3, 5]]
+    assert load_terrain("own", function="flat_lands.hill", unit="ft").elevation[0, 0] == 1
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("return None", "returns elevations of type object"),
+        ("return [1, 2, 3]", "it must have two dimensions"),
+        ("return [[1, 2]]", "at least 2 rows"),
+        ("return [['a', 'b'], ['c', 'd']]", "returns elevations of type <U1"),
+        ("return [[1, 2], [3, float('nan')]]", "has 1 nodes that are missing"),
+        ("return [[1, 1], [1, 1]]", "is 1 everywhere"),
+        ("return [[1, 2], [3, 4]], 7", "returns a int as the unit"),
+        ("return [[1, 2], [3]]", "failed, ValueError: setting an array element"),
+        ("raise KeyError('lost')", "failed, KeyError: 'lost'"),
+        ("return 1 / 0", "failed, ZeroDivisionError"),
+    ],
+)
+def test_functions_that_make_no_map(body, words, folder):
+    (folder / "bad_lands.py").write_text(f"def hill():\n    {body}\n")
+    with pytest.raises(UsageError) as caught:
+        load_terrain("own", function="bad_lands.hill")
+    assert words in str(caught.value)
+    assert "bad_lands.hill" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_function_that_wants_arguments(folder):
+    (folder / "bad_lands.py").write_text("def hill(height):\n    return [[1, 2], [3, height]]\n")
+    with pytest.raises(UsageError, match=r"TypeError: .*'height'"):
+        load_terrain("own", function="bad_lands.hill")
