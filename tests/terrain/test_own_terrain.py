@@ -29,34 +29,36 @@ def test_the_example_is_short():
     assert len((EXAMPLES / "own_terrain.py").read_text().splitlines()) < 40
 
 
-def test_the_example_runs_from_the_command_line(tmp_path):
+def test_the_example_runs_from_the_command_line(tmp_path, monkeypatch, capfd):
     small = [override for override in SMALL if override != "terrain=volcano"]
-    shown = infoplan(
-        "terrain", "show", *OWN, "terrain.options.height=250", f"results_dir={tmp_path}",
-        cwd=EXAMPLES,
-    ).stdout  # fmt: skip
-    assert "own-ridges" in shown
-    infoplan("run", *OWN, "terrain.options.count=3", *small, f"results_dir={tmp_path}",
-             cwd=EXAMPLES)  # fmt: skip
-    curves = pd.read_parquet(tmp_path / "curves")
-    assert set(curves["terrain"]) == {"own-ridges"}
-    (stored,) = (tmp_path / "runs").glob("*.yaml")
-    science = yaml.safe_load(stored.read_text())["terrain"]
-    assert science["function"] == "own_terrain.ridges"
-    assert science["options"] == {"height": 300.0, "count": 3, "nodes": 80, "angle": 30.0}
-    maps = pd.read_parquet(tmp_path / "maps")
-    y, x = maps["x2"] / 50, maps["x1"] / 50
-    across = x * np.cos(np.radians(30)) + y * np.sin(np.radians(30))
-    expected = 500 + 200 * x + 150 * np.cos(6 * np.pi * across)
-    # Linear between nodes: off by up to a curvature's share of the square of their distance.
-    np.testing.assert_allclose(maps["truth"], expected, atol=2.0)
-    swept = infoplan(
+    # A process of its own, where nothing but the current directory leads to the module.
+    infoplan(
         "run", "-m", *OWN, "terrain.options.count=3", "terrain.options.height=300,200", *small,
         f"results_dir={tmp_path}", cwd=EXAMPLES,
-    ).stdout  # fmt: skip
-    assert "1 of 2 missions are there already" in swept
-    audited = infoplan("audit", f"results_dir={tmp_path}", cwd=EXAMPLES).stdout
-    assert "truth within" in audited
+    )  # fmt: skip
+    curves = pd.read_parquet(tmp_path / "curves")
+    assert set(curves["terrain"]) == {"own-ridges"}
+    heights = set()
+    for stored in (tmp_path / "runs").glob("*.yaml"):
+        science = yaml.safe_load(stored.read_text())["terrain"]
+        assert science["function"] == "own_terrain.ridges"
+        height = science["options"].pop("height")
+        assert science["options"] == {"count": 3, "nodes": 80, "angle": 30.0}
+        heights.add(height)
+        maps = pd.read_parquet(tmp_path / "maps" / f"run={stored.stem}")
+        y, x = maps["x2"] / 50, maps["x1"] / 50
+        across = x * np.cos(np.radians(30)) + y * np.sin(np.radians(30))
+        expected = 500 + 200 * x + height / 2 * np.cos(6 * np.pi * across)
+        # Linear between nodes, so off by a little.
+        np.testing.assert_allclose(maps["truth"], expected, atol=2.0)
+    assert heights == {300.0, 200.0}
+    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert main(["audit", f"results_dir={tmp_path}"]) == 0
+    assert "truth within" in capfd.readouterr().out
+    show = ["terrain", "show", *OWN, "terrain.options.height=250", f"results_dir={tmp_path}"]
+    assert main(show) == 0
+    assert "own-ridges" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize(
