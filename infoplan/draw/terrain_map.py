@@ -1,15 +1,21 @@
 """A terrain in words and as a hill-shaded map."""
 
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from infoplan.analyse.relief import local_relief
 from infoplan.config import PilotConfig
 from infoplan.draw import style
 from infoplan.robot import bezier_path
 from infoplan.terrain import Terrain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FLAT = 0.05
 """Land is flat where its local relief is below this share of the whole map's."""
@@ -36,8 +42,11 @@ def describe(terrain: Terrain) -> str:
         "mean, std": f"{z.mean():.0f}, {z.std():.0f} {unit}",
         "relief": f"{relief:.0f} {unit}; within 2 units {np.median(local):.0f} {unit} (median)",
         "flat land": f"{100 * flat:.0f} % (local relief below {FLAT:.0%} of the whole)",
-        "sha256": terrain.sha256,
     }
+    if terrain.world is not None:
+        west, east, south, north = (f"{bound:.10g}" for bound in terrain.world)
+        facts["world"] = f"{west} to {east}, {south} to {north} {terrain.crs}".rstrip()
+    facts["sha256"] = terrain.sha256
     return "\n".join(f"{name:10} {fact}" for name, fact in facts.items())
 
 
@@ -57,8 +66,37 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
         image = style.show_relief(axes, terrain.elevation, terrain.extent)
         axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
         axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
-        style.panel(axes, "", f"{terrain.name}, pilot path from the ringed sample")
+        narrow = len(terrain.name) > 12 or terrain.world is not None
+        space = "\n" if narrow else " "
+        title = f"{terrain.name},{space}pilot path from the ringed sample"
+        style.panel(axes, "", title)
         style.colour_bar(image, axes, f"elevation ({terrain.unit})")
+        _world_axes(axes, terrain)
         numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
         numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
         return style.save(figure, folder, f"terrain-{terrain.name}", numbers)[0]
+
+
+def _world_axes(axes: "Axes", terrain: Terrain) -> None:
+    """Put the coordinates of a map with a place in the world outside those of the workspace."""
+    from matplotlib.ticker import MaxNLocator
+
+    if terrain.world is None:
+        return
+    for axis in "xy":
+        start = 2 * "xy".index(axis)
+        world, extent = terrain.world[start : start + 2], terrain.extent[start : start + 2]
+        slope = (world[1] - world[0]) / (extent[1] - extent[0])
+        there = partial(_straight, at=extent[0], value=world[0], slope=slope)
+        back = partial(_straight, at=world[0], value=extent[0], slope=1 / slope)
+        outside = getattr(axes, f"secondary_{axis}axis")(-0.22, functions=(there, back))
+        getattr(outside, f"set_{axis}label")(terrain.crs if len(terrain.crs) < 20 else "world")
+        outside.ticklabel_format(useOffset=False, style="plain")
+        getattr(outside, f"{axis}axis").set_major_locator(MaxNLocator(3))
+        outside.tick_params(axis="y", labelrotation=90)
+
+
+def _straight(
+    position: NDArray[np.float64], at: float, value: float, slope: float
+) -> NDArray[np.float64]:
+    return value + slope * (np.asarray(position) - at)
