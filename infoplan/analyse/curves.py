@@ -1,7 +1,6 @@
 """Learning curves: their values on a common axis of collected samples, and numbers that sum up."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,12 +18,6 @@ LATE = 1000
 
 AXIS_POINTS = 190
 """About as many steps does a common axis have."""
-
-
-def load_curve(results_dir: Path, run: str, seed: int) -> pd.DataFrame:
-    """Read one mission's learning curve, one row a decision epoch."""
-    return pd.read_parquet(results_dir / "curves" / f"run={run}" / f"seed={seed}.parquet",
-                           partitioning=None)  # fmt: skip
 
 
 def value_at(curve: pd.DataFrame, samples: ArrayLike, column: str = "rmse") -> NDArray[np.float64]:

@@ -106,9 +106,9 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     **filters
         One of `LABELS` or an option of the configuration (``**{"planner.exploration": 0.5}``), and
         its value, or a list of which any will do. A run may be named by its hash alone; the terrain
-        ``file`` is any that was read from a user's file. Without
-        ``terrain`` it is helens if that is there. None filters nothing, and a run without the
-        option (NONE has no contamination) passes.
+        ``file`` is any that was read from a user's file. Without ``terrain`` it is helens if that
+        is there. None filters nothing, and a run without the option (NONE has no contamination)
+        passes.
 
     Returns
     -------
@@ -129,38 +129,14 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
             f"results_dir={folder} holds no finished mission: make some with infoplan run, "
             "all of the paper's with infoplan run -m experiment=fig5"
         )
-    known = {*LABELS, *(name for flat in options.values() for name in flat)}
     for name, wanted in filters.items():
-        if wanted is None:
-            continue
-        if name not in known:
-            raise UsageError(f"{name}={wanted} chooses nothing{suggest(name, known)}: use "
-                             f"{', '.join(LABELS)} or an option of the runs")  # fmt: skip
-        kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
-        if kept.empty:
-            raise UsageError(
-                f"results_dir={folder} holds no mission with {name}={_text(wanted)}: "
-                f"there is {_found(missions, options, name)}"
-            )
-        missions = kept
+        if wanted is not None:
+            missions = _filtered(missions, options, name, wanted)
     if filters.get("terrain") is None and DEFAULT_TERRAIN in set(missions["terrain"]):
         missions = missions[missions["terrain"] == DEFAULT_TERRAIN]
-    for name in ("terrain", "budget"):
-        if missions[name].nunique() > 1:
-            raise UsageError(
-                f"results_dir={folder} holds missions of different {name}s, "
-                f"{_found(missions, options, name)}: choose one with {name}="
-            )
-    _check_schema(missions)
     runs = list(dict.fromkeys(missions["run"]))
     options = {run: options[run] for run in runs}
-    for name in ("terrain.sha256", "terrain.extent", "terrain.unit"):
-        if len({repr(flat.get(name)) for flat in options.values()}) > 1:
-            raise UsageError(
-                f"results_dir={folder} holds missions on different maps called "
-                f"{missions['terrain'].iloc[0]}, {name} {_found(missions, options, name)}: "
-                f"choose one with {name}="
-            )
+    _check_together(missions, options)
     first = options[runs[0]]
     return Selection(
         folder,
@@ -284,11 +260,11 @@ def read_table(path: Path) -> pd.DataFrame:
     import pyarrow.parquet as pq
 
     try:
-        frame: pd.DataFrame = pq.ParquetFile(path).read().to_pandas()
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            frame: pd.DataFrame = file.read().to_pandas()
     except (OSError, pa.ArrowException) as error:
         raise RunError(
-            f"{path} cannot be read (damaged or missing): delete its seed's curve and run its "
-            "configuration again"
+            f"{path} cannot be read (damaged or missing): run its configuration again"
         ) from error
     return frame
 
@@ -330,6 +306,25 @@ def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
+def _filtered(
+    missions: pd.DataFrame, options: dict[str, Options], name: str, wanted: Any
+) -> pd.DataFrame:
+    """Keep the missions that answer to one filter; at least one must."""
+    known = {*LABELS, *(key for flat in options.values() for key in flat)}
+    if name not in known:
+        raise UsageError(
+            f"{name}={wanted} chooses nothing{suggest(name, known)}: use {', '.join(LABELS)} or "
+            "an option of the runs"
+        )
+    kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
+    if kept.empty:
+        raise UsageError(
+            f"there is no mission with {name}={_text(wanted)}: "
+            f"there is {_found(missions, options, name)}"
+        )
+    return kept
+
+
 def _answers(row: dict[str, Any], options: dict[str, Options], name: str, wanted: Any) -> bool:
     if name not in LABELS and name not in options[row["run"]]:
         return True  # NONE and BEST go with any option of COPOD
@@ -368,9 +363,16 @@ def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _check_schema(missions: pd.DataFrame) -> None:
+def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None:
+    """Refuse to mix terrains, budgets, schema versions, or maps of one name."""
     from infoplan.study.identity import SCHEMA_VERSION
 
+    for name in ("terrain", "budget"):
+        if missions[name].nunique() > 1:
+            raise UsageError(
+                f"the missions have different {name}s, {_found(missions, options, name)}: "
+                f"choose one with {name}="
+            )
     versions = sorted(set(missions["schema"]))
     if len(versions) > 1:
         raise UsageError(
@@ -384,6 +386,12 @@ def _check_schema(missions: pd.DataFrame) -> None:
             f"{SCHEMA_VERSION}: run the configurations again, or read them with the infoplan that "
             "wrote them (its version is in the tables' footers)"
         )
+    for name in ("terrain.sha256", "terrain.extent", "terrain.unit"):
+        if len({repr(flat.get(name)) for flat in options.values()}) > 1:
+            raise UsageError(
+                f"the missions are on different maps called {missions['terrain'].iloc[0]}, "
+                f"{name} {_found(missions, options, name)}: choose one with {name}="
+            )
 
 
 def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
@@ -409,8 +417,8 @@ def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
         }
         listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
         raise UsageError(
-            f"results_dir={selection.results_dir} holds runs that do not belong together, which "
-            f"differ in {listed}: choose with {named[0]}={found[named[0]][0]} or the like"
+            f"the runs do not belong together, they differ in {listed}: "
+            f"choose with {named[0]}={found[named[0]][0]} or the like"
         )
     note = (
         f"{len(left_out)} runs with other than the default {', '.join(named)} are left out; "

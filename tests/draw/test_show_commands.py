@@ -40,7 +40,7 @@ def test_figures_prints_the_files_and_what_is_missing(capsys, folder):
 
 def test_figures_never_run_anything(capsys, folder):
     before = sorted(folder.glob("curves/*/*"))
-    run(capsys, "figures", f"results_dir={folder}")
+    run(capsys, "figures", "fig4", "fig5", f"results_dir={folder}")
     assert sorted(folder.glob("curves/*/*")) == before
 
 
