@@ -242,7 +242,7 @@ def _written(value: Any) -> str:
     if isinstance(value, list | tuple | np.ndarray):
         return "[" + ",".join(_written(item) for item in value) + "]"
     if isinstance(value, int | float | np.number):
-        return repr(float(value) if isinstance(value, float) else value.__index__())
+        return repr(value.item() if isinstance(value, np.generic) else value)
     if str(value).replace("_", "").isalnum():
         return str(value)
     return "'" + str(value).replace("'", "\\'") + "'"

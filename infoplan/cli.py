@@ -12,6 +12,7 @@ infoplan: informative planning in the presence of outliers
 
   infoplan run [option=value ...]      run a configuration with all its seeds
   infoplan run -m [option=v1,v2 ...]   run every combination, in one pool of workers
+  infoplan replay <run> detector=...   its samples through another detector or model
   infoplan status [option=v1,v2 ...]   what is done, failed, missing
   infoplan audit [run=... seeds=...]   recompute stored runs with other libraries
   infoplan figures [fig5 fig7 ...]     draw the paper's figures from stored results
@@ -237,6 +238,33 @@ def _report(arguments: list[str]) -> int:
     return EXIT_OK
 
 
+def _replay(arguments: list[str]) -> int:
+    from pathlib import Path
+
+    from infoplan.draw.replay_table import print_replay
+    from infoplan.errors import UsageError
+    from infoplan.overrides import parse
+    from infoplan.study.replay import replay_run
+    from infoplan.study.summary import wide_console
+
+    named = [a for a in arguments if "=" not in a and a[:1] not in ("-", "~")]
+    rest = [argument for argument in arguments if argument not in named]
+    if len(named) != 1:
+        raise UsageError(
+            f"infoplan replay takes one stored run, not {len(named)}: infoplan replay <run> "
+            "detector=best, where <run> is its name or hash (infoplan status lists them)"
+        )
+    defaults = {"results_dir": "results", "seeds": None, "n_jobs": -1, "resume": True}
+    own = [a for a in rest if a.startswith("-") or a.partition("=")[0] in defaults]
+    chosen = parse("replay", own, defaults)
+    console = wide_console()
+    results_dir = Path(chosen.pop("results_dir")).expanduser()
+    overrides = [argument for argument in rest if argument not in own]
+    done = replay_run(results_dir, named[0], overrides, tell=console.print, **chosen)
+    print_replay(done, results_dir, console)
+    return EXIT_OK
+
+
 def _show(arguments: list[str]) -> int:
     from infoplan.analyse.tables import find_missions
     from infoplan.draw.show import show
@@ -278,6 +306,7 @@ def _study(
 
 COMMANDS = {
     "run": _run,
+    "replay": _replay,
     "status": _status,
     "figures": _figures,
     "claims": _claims,

@@ -10,7 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from infoplan.config import MissionConfig, seed_list, validate
-from infoplan.errors import RunError, UsageError
+from infoplan.errors import UsageError
 from infoplan.hydra_front import compose
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.study.identity import Run, config_from_science, identify
