@@ -17,6 +17,7 @@ infoplan: informative planning in the presence of outliers
   infoplan audit [run=... seeds=...]   recompute stored runs with other libraries
   infoplan figures [fig5 fig7 ...]     draw the paper's figures from stored results
   infoplan claims [--json|--markdown]  judge the paper's claims by stored results
+  infoplan leaderboard                 methods ranked over maps; --markdown, --html
   infoplan report                      curves, claims and maps as one HTML page
   infoplan show [run]                  one stored run: curve, detector, time
   infoplan animate [run=... seed=...]  one stored mission as GIF or MP4
@@ -265,6 +266,31 @@ def _replay(arguments: list[str]) -> int:
     return EXIT_OK
 
 
+def _leaderboard(arguments: list[str]) -> int:
+    from pathlib import Path
+
+    from infoplan.analyse.leaderboard import rank
+    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
+    from infoplan.errors import UsageError
+    from infoplan.overrides import parse
+    from infoplan.study.summary import wide_console
+
+    defaults: dict[str, Any] = {"results_dir": "results", "--markdown": False, "--html": False}
+    filters = {"planner", "detector", "model", "terrain", "rho", "seed", *_options_of_runs()}
+    chosen = parse("leaderboard", arguments, defaults | dict.fromkeys(filters))
+    if chosen["--markdown"] and chosen["--html"]:
+        raise UsageError("the leaderboard is written as --markdown or as --html, not both")
+    folder = Path(chosen["results_dir"]).expanduser()
+    board = rank(folder, {name: chosen[name] for name in filters if chosen[name] is not None})
+    if chosen["--markdown"]:
+        print(markdown(board))
+    elif chosen["--html"]:
+        print(f"written to {write_page(board, folder / 'leaderboard.html')}")
+    else:
+        print_leaderboard(board, wide_console())
+    return EXIT_OK
+
+
 def _show(arguments: list[str]) -> int:
     from infoplan.analyse.tables import find_missions
     from infoplan.draw.show import show
@@ -292,16 +318,23 @@ def _study(
 ) -> "tuple[Selection, dict[str, Any]]":
     """Read a command's options; find the study that they, and any options of a run, choose."""
     from infoplan.analyse.tables import find_study
-    from infoplan.config import MissionConfig, options
     from infoplan.overrides import parse
 
-    of_runs = {name for name, _, _ in options(MissionConfig()) if "." in name} | {"budget", "grid"}
-    of_runs -= {"terrain.path", "terrain.on_missing"}  # where a map came from is not stored
+    of_runs = _options_of_runs()
     filters = [argument for argument in arguments if argument.partition("=")[0] in of_runs]
     rest = [argument for argument in arguments if argument not in filters]
     chosen = parse(command, rest, {"results_dir": "results", "terrain": None, **defaults})
     wanted = parse(command, filters, dict.fromkeys(of_runs))
     return find_study(chosen["results_dir"], terrain=chosen["terrain"], **wanted), chosen
+
+
+def _options_of_runs() -> set[str]:
+    """Options that a run can be chosen by; groups and rho have their own names."""
+    from infoplan.config import MissionConfig, options
+
+    names = {name for name, _, _ in options(MissionConfig()) if "." in name}
+    # Where a map came from is not stored.
+    return (names | {"budget", "grid"}) - {"terrain.path", "terrain.on_missing"}
 
 
 COMMANDS = {
@@ -312,6 +345,7 @@ COMMANDS = {
     "claims": _claims,
     "report": _report,
     "show": _show,
+    "leaderboard": _leaderboard,
     "audit": _audit,
     "terrain": _terrain,
     "animate": _animate,
