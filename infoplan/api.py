@@ -68,6 +68,10 @@ def configure(*overrides: str, **options: Any) -> MissionConfig:
         if name in {item.name for item in fields(Config)} - set(names):
             raise UsageError(f"{override} is no option of a single mission: leave it out")
     config = compose(written)
+    if config.sweep:
+        raise UsageError(
+            f"{' '.join(written)} stands for several configurations: configure each by its options"
+        )
     return MissionConfig(**{name: getattr(config, name) for name in names})
 
 

@@ -75,6 +75,7 @@ def test_values_in_python_are_the_options_of_the_command_line():
         ("rhoo=1", "did you mean 'rho'"),
         ("planner=uctt", "did you mean 'uct'"),
         ("seeds=3", "no option of a single mission"),
+        ("experiment=fig5", "several configurations"),
         ("detector=none,best", "planner=|one|cannot be read"),
     ],
 )

@@ -4,8 +4,6 @@ Nothing is planned, so whatever differs between a run and its replay is the dete
 model's doing, and not that of where the robot went.
 """
 
-import hashlib
-import json
 import os
 import sys
 import time
@@ -24,13 +22,16 @@ from infoplan.config import MissionConfig, seed_list, validate
 from infoplan.errors import UsageError
 from infoplan.hydra_front import compose
 from infoplan.mission import CurveRow, Mission, Samples
-from infoplan.study.identity import Run, config_from_science, identify
+from infoplan.study.identity import Run, config_from_science, digest, identify
 from infoplan.study.provenance import git_state, provenance
 from infoplan.study.store import (
     MissionTables,
     build_tables,
+    inspect,
+    list_missions,
     prepare,
     read_footer,
+    read_table,
     save_mission,
     table_path,
 )
@@ -84,11 +85,7 @@ def find_source(results_dir: Path, named: str) -> Source:
     RunError
         If its configuration does not fit this version.
     """
-    stored: dict[str, list[int]] = {}
-    for path in results_dir.glob("curves/run=*/seed=*.parquet"):
-        seed = path.stem.removeprefix("seed=")
-        if seed.isdecimal():
-            stored.setdefault(path.parent.name.removeprefix("run="), []).append(int(seed))
+    stored = list_missions(results_dir)
     found = [run for run in sorted(stored) if named in (run, run.rpartition("-")[2])]
     if len(found) != 1:
         listed = ", ".join(sorted(stored)) or "none"
@@ -96,7 +93,7 @@ def find_source(results_dir: Path, named: str) -> Source:
             f"{len(found) or 'no'} stored run{'s' * (len(found) > 1)} in results_dir={results_dir} "
             f"answer{'s' * (not found)} to {named!r}: name one, or its hash; there is {listed}"
         )
-    seeds = sorted(stored[found[0]])
+    seeds = stored[found[0]]
     footer = read_footer(table_path(results_dir, "curves", found[0], seeds[0]))
     science = footer["configuration"]
     return Source(found[0], config_from_science(science), science, seeds)
@@ -177,8 +174,7 @@ def identify_replay(source: Source, config: MissionConfig) -> Run:
     run = identify(config, terrain)
     flown = source.science.get("replay", source.name)
     science = {**run.science, "replay": flown, "terrain": stored}
-    digest = hashlib.sha256(json.dumps(science, sort_keys=True).encode()).hexdigest()
-    name = f"replay-{run.name.rpartition('-')[0]}-{digest[:8]}"
+    name = f"replay-{run.name.rpartition('-')[0]}-{digest(science)}"
     return Run(name, run.config, terrain, science)
 
 
@@ -275,7 +271,7 @@ def replay_run(
     todo = [
         seed
         for seed in wanted
-        if not (resume and table_path(results_dir, "curves", run.name, seed).is_file())
+        if not (resume and inspect(results_dir, run.name, seed).state == "done")
     ]
     start = time.monotonic()
     with parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1):
@@ -297,11 +293,9 @@ def _replay_seed(
     os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
     from threadpoolctl import threadpool_limits
 
-    from infoplan.analyse.tables import read_table
-
     started, clock = datetime.now(UTC), time.perf_counter()
     samples, maps = (
-        read_table(table_path(results_dir, name, source, seed)) for name in ("samples", "maps")
+        read_table(results_dir, name, source, seed).to_pandas() for name in ("samples", "maps")
     )
     with threadpool_limits(limits=1):
         mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
