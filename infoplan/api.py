@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from infoplan.config import Config, MissionConfig
+from infoplan.config import Config, MissionConfig, validate
 from infoplan.errors import UsageError
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.terrain import Terrain, load_terrain
@@ -68,6 +68,7 @@ def configure(*overrides: str, **options: Any) -> MissionConfig:
         if name in {item.name for item in fields(Config)} - set(names):
             raise UsageError(f"{override} is no option of a single mission: leave it out")
     config = compose(written)
+    validate(config)
     if config.sweep:
         raise UsageError(
             f"{' '.join(written)} stands for several configurations: configure each by its options"
@@ -99,7 +100,12 @@ def fly(config: MissionConfig, seed: int = 0, terrain: Terrain | None = None) ->
     RunError
         If the mission breaks down.
     """
-    mission = Mission(config, terrain or load_terrain(**vars(config.terrain)), seed)
+    if terrain is None:
+        from infoplan.study.identity import resolve
+
+        terrain = load_terrain(**vars(config.terrain))
+        config = resolve(config, terrain)
+    mission = Mission(config, terrain, seed)
     return frames(mission, list(mission.run()))
 
 
@@ -113,10 +119,11 @@ def frames(mission: Mission, rows: "Sequence[CurveRow]") -> Frames:
     rows
         What `Mission.run` yielded, or `Mission.evaluate` returned.
     """
-    from infoplan.study.identity import identify
+    from infoplan.study.identity import Run
     from infoplan.study.store import build_tables
 
-    tables = build_tables(identify(mission.config, mission.terrain), mission, list(rows))
+    run = Run("", mission.config, mission.terrain, {})  # tables that are not stored need no name
+    tables = build_tables(run, mission, list(rows))
     return Frames(*(getattr(tables, name).to_pandas() for name in ("curves", "samples", "maps")))
 
 

@@ -137,7 +137,10 @@ def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> MissionConfi
             value = {**getattr(parts[group], option), **value}
         parts[group] = replace(parts[group], **{option: value})
     changed = replace(config, **parts)
-    validate(changed)
+    # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
+    validate(
+        replace(changed, terrain=replace(MissionConfig().terrain, extent=config.terrain.extent))
+    )
     return changed
 
 
@@ -171,11 +174,13 @@ def identify_replay(source: Source, config: MissionConfig) -> Run:
     terrain = Terrain(
         stored["name"], unknown, tuple(stored["extent"]), stored["unit"], stored["sha256"]
     )
-    run = identify(config, terrain)
-    flown = source.science.get("replay", source.name)
-    science = {**run.science, "replay": flown, "terrain": stored}
+    run = identify(replace(config, terrain=MissionConfig().terrain), terrain)
+    kept = {"terrain": stored, "replay": source.science.get("replay", source.name)}
+    # Whatever has become of a planner of the user's own: its trajectory is the stored one.
+    planner = {**source.science["planner"], "smoothing": config.planner.smoothing}
+    science = {**run.science, "planner": planner, **kept}
     name = f"replay-{run.name.rpartition('-')[0]}-{digest(science)}"
-    return Run(name, run.config, terrain, science)
+    return Run(name, replace(run.config, terrain=source.config.terrain), terrain, science)
 
 
 def replay_mission(

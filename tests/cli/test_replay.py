@@ -105,9 +105,10 @@ def test_another_detector_judges_the_same_samples(flown):
 )
 def test_a_replay_stands_the_audit(flown, volcano, overrides):
     again = replay(flown, runs(flown)["puct-copod"], *overrides)
-    findings = audit_mission(flown, again, 0, {"volcano": volcano.elevation})
+    findings = audit_mission(flown, again, 0, {volcano.sha256: volcano.elevation})
     assert len(findings) > 20
     assert not [finding for finding in findings if not finding.holds]
+    assert "truth" in {finding.check for finding in findings}
 
 
 def test_options_that_are_not_named_stay_those_of_the_source(flown):
@@ -189,3 +190,22 @@ def test_a_run_that_is_not_there(flown, capfd):
     assert runs(flown)["puct-copod"] in said
     assert main(["replay"]) == 2
     assert "takes one stored run" in capfd.readouterr().err
+
+
+def test_a_run_on_a_file_that_is_gone_is_replayed_from_its_tables(tmp_path, hills):
+    config = infoplan.configure(
+        "terrain=file", f"terrain.path={hills}", budget=130, grid=[8, 8],
+        **{"planner.iterations": 5, "model.pilot_iterations": 5},
+    )  # fmt: skip
+    terrain = infoplan.load_terrain(**vars(config.terrain))
+    run = identify(config, terrain)
+    mission = infoplan.Mission(run.config, terrain, 0)
+    save_mission(tmp_path, run, 0, build_tables(run, mission, list(mission.run())), {})
+    again = replay(tmp_path, run.name, "detector=none")
+    assert again.startswith("replay-puct-none-file-hills-rho0.1-batch-")
+    science = yaml.safe_load((tmp_path / "runs" / f"{again}.yaml").read_text())
+    assert science["terrain"] == run.science["terrain"]
+    found, expected = read(tmp_path, "maps", again, 0), read(tmp_path, "maps", run.name, 0)
+    assert (found["truth"] == expected["truth"]).all()
+    findings = audit_mission(tmp_path, again, 0, {terrain.sha256: terrain.elevation})
+    assert not [finding for finding in findings if not finding.holds]
