@@ -6,7 +6,7 @@ standard deviations of the map, so that maps of any unit and height can be avera
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,6 @@ from infoplan.study.store import read_footer, table_path
 
 METHOD = ("planner", "detector", "model")
 """Parts of a configuration that make a method."""
-
-NAMES = ("planner.name", "detector.name", "model.name", "detector.scope")
-"""What a method is called by."""
 
 Floats = NDArray[np.float64]
 
@@ -149,8 +146,8 @@ def rank(
             "make some with infoplan run -m experiment=benchmark"
         )
     missions, notes = _with_common_settings(missions)
-    methods = _labels([mission.method for mission in missions], NAMES)
-    terrains = _labels([mission.terrain for mission in missions], ("terrain.name",))
+    methods = _labels([mission.method for mission in missions], _method)
+    terrains = _labels([mission.terrain for mission in missions], _terrain)
     where: dict[tuple[str, str, float, int], Stored] = {
         (method, terrain, mission.rho, mission.seed): mission
         for method, terrain, mission in zip(methods, terrains, missions, strict=True)
@@ -355,12 +352,21 @@ def _with_common_settings(missions: list[Stored]) -> tuple[list[Stored], list[st
     return kept, [f"{len(others)} missions with other settings than {told} are left out"]
 
 
-def _labels(options: list[Options], names: tuple[str, ...]) -> list[str]:
+def _method(flat: Options) -> str:
+    """Call a method by planner, detector, model and scope; one of the user's by its function."""
+    parts = []
+    for group in METHOD:
+        name, function = flat[f"{group}.name"], flat.get(f"{group}.function")
+        parts.append(str(function).rpartition(".")[2] if function else str(name))
+    return "-".join([*parts, str(flat["detector.scope"])])
+
+
+def _terrain(flat: Options) -> str:
+    return str(flat["terrain.name"])
+
+
+def _labels(options: list[Options], called: Callable[[Options], str]) -> list[str]:
     """Name each of several sets of options, different sets differently."""
-
-    def called(flat: Options) -> str:
-        return "-".join(str(flat[name]) for name in names)
-
     alike: dict[str, list[Options]] = {}
     for flat in options:
         known = alike.setdefault(called(flat), [])
