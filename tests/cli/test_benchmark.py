@@ -1,5 +1,6 @@
 """``experiment=benchmark`` and the leaderboard that it is for."""
 
+import json
 from itertools import product
 
 import pandas as pd
@@ -8,19 +9,15 @@ from conftest import SMALL, infoplan
 from infoplan.cli import main
 
 
-def test_the_benchmark_is_every_method_on_every_map_at_every_share(tmp_path):
-    said = infoplan(
-        "run", "-m", "experiment=benchmark", "--dry-run", f"results_dir={tmp_path}"
-    ).stdout
-    for planner, detector in (
-        ("uct", "none"),
-        ("uct", "best"),
-        ("uct", "copod"),
-        ("puct", "copod"),
-    ):
-        for terrain, rho in product(("volcano", "jacksboro"), (0, 0.05, 0.1, 0.15, 0.2)):
-            assert f"{planner}-{detector}-{terrain}-rho{rho:g}-batch-" in said
-    assert not list(tmp_path.rglob("*.parquet"))
+def test_the_benchmark_is_every_method_on_every_map_at_every_share(tmp_path, capfd):
+    assert main(["status", "--json", "experiment=benchmark", f"results_dir={tmp_path}"]) == 0
+    runs = json.loads(capfd.readouterr().out)["runs"]
+    names = [run["run"].rpartition("-")[0] for run in runs]
+    methods = ("uct-none", "uct-best", "uct-copod", "puct-copod")
+    shares = ("0", "0.05", "0.1", "0.15", "0.2")
+    for method, terrain, rho in product(methods, ("volcano", "jacksboro"), shares):
+        assert names.count(f"{method}-{terrain}-rho{rho}-batch") == 1
+    assert all(run["missing"] == [0, 1, 2] for run in runs)
 
 
 def test_a_tiny_benchmark_is_ranked(tmp_path, capfd):
