@@ -12,10 +12,12 @@ infoplan: informative planning in the presence of outliers
 
   infoplan run [option=value ...]      run a configuration with all its seeds
   infoplan run -m [option=v1,v2 ...]   run every combination, in one pool of workers
+  infoplan replay <run> detector=...   its samples through another detector or model
   infoplan status [option=v1,v2 ...]   what is done, failed, missing
   infoplan audit [run=... seeds=...]   recompute stored runs with other libraries
   infoplan figures [fig5 fig7 ...]     draw the paper's figures from stored results
   infoplan claims [--json|--markdown]  judge the paper's claims by stored results
+  infoplan leaderboard                 methods ranked over maps; --markdown, --html
   infoplan report                      curves, claims and maps as one HTML page
   infoplan show [run]                  one stored run: curve, detector, time
   infoplan animate [run=... seed=...]  one stored mission as GIF or MP4
@@ -237,6 +239,58 @@ def _report(arguments: list[str]) -> int:
     return EXIT_OK
 
 
+def _replay(arguments: list[str]) -> int:
+    from pathlib import Path
+
+    from infoplan.draw.replay_table import print_replay
+    from infoplan.errors import UsageError
+    from infoplan.overrides import parse
+    from infoplan.study.replay import replay_run
+    from infoplan.study.summary import wide_console
+
+    named = [a for a in arguments if "=" not in a and a[:1] not in ("-", "~")]
+    rest = [argument for argument in arguments if argument not in named]
+    if len(named) != 1:
+        raise UsageError(
+            f"infoplan replay takes one stored run, not {len(named)}: infoplan replay <run> "
+            "detector=best, where <run> is its name or hash (infoplan status lists them)"
+        )
+    defaults = {"results_dir": "results", "seeds": None, "n_jobs": -1, "resume": True}
+    own = [a for a in rest if a.startswith("-") or a.partition("=")[0] in defaults]
+    chosen = parse("replay", own, defaults)
+    console = wide_console()
+    results_dir = Path(chosen.pop("results_dir")).expanduser()
+    overrides = [argument for argument in rest if argument not in own]
+    done = replay_run(results_dir, named[0], overrides, tell=console.print, **chosen)
+    print_replay(done, results_dir, console)
+    return EXIT_OK
+
+
+def _leaderboard(arguments: list[str]) -> int:
+    from pathlib import Path
+
+    from infoplan.analyse.leaderboard import rank
+    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
+    from infoplan.errors import UsageError
+    from infoplan.overrides import parse
+    from infoplan.study.summary import wide_console
+
+    defaults: dict[str, Any] = {"results_dir": "results", "--markdown": False, "--html": False}
+    filters = {"planner", "detector", "model", "terrain", "rho", "seed", *_options_of_runs()}
+    chosen = parse("leaderboard", arguments, defaults | dict.fromkeys(filters))
+    if chosen["--markdown"] and chosen["--html"]:
+        raise UsageError("the leaderboard is written as --markdown or as --html, not both")
+    folder = Path(chosen["results_dir"]).expanduser()
+    board = rank(folder, {name: chosen[name] for name in filters if chosen[name] is not None})
+    if chosen["--markdown"]:
+        print(markdown(board))
+    elif chosen["--html"]:
+        print(f"written to {write_page(board, folder / 'leaderboard.html')}")
+    else:
+        print_leaderboard(board, wide_console())
+    return EXIT_OK
+
+
 def _show(arguments: list[str]) -> int:
     from infoplan.analyse.tables import find_missions
     from infoplan.draw.show import show
@@ -264,11 +318,9 @@ def _study(
 ) -> "tuple[Selection, dict[str, Any]]":
     """Read a command's options; find the study that they, and any options of a run, choose."""
     from infoplan.analyse.tables import find_study
-    from infoplan.config import MissionConfig, options
     from infoplan.overrides import parse
 
-    of_runs = {name for name, _, _ in options(MissionConfig()) if "." in name} | {"budget", "grid"}
-    of_runs -= {"terrain.path", "terrain.on_missing"}  # where a map came from is not stored
+    of_runs = _options_of_runs()
     filters = [argument for argument in arguments if argument.partition("=")[0] in of_runs]
     rest = [argument for argument in arguments if argument not in filters]
     chosen = parse(command, rest, {"results_dir": "results", "terrain": None, **defaults})
@@ -276,13 +328,24 @@ def _study(
     return find_study(chosen["results_dir"], terrain=chosen["terrain"], **wanted), chosen
 
 
+def _options_of_runs() -> set[str]:
+    """Options that a run can be chosen by; groups and rho have their own names."""
+    from infoplan.config import MissionConfig, options
+
+    names = {name for name, _, _ in options(MissionConfig()) if "." in name}
+    # Where a map came from is not stored.
+    return (names | {"budget", "grid"}) - {"terrain.path", "terrain.on_missing"}
+
+
 COMMANDS = {
     "run": _run,
+    "replay": _replay,
     "status": _status,
     "figures": _figures,
     "claims": _claims,
     "report": _report,
     "show": _show,
+    "leaderboard": _leaderboard,
     "audit": _audit,
     "terrain": _terrain,
     "animate": _animate,

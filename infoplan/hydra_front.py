@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from hydra import compose as hydra_compose
+from hydra import initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
@@ -127,6 +128,25 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     return max((status for status in _statuses if isinstance(status, int)), default=0)
 
 
+def compose(overrides: Sequence[str]) -> Config:
+    """Compose one configuration as ``infoplan run`` with these overrides does.
+
+    Its bounds are not checked yet (`infoplan.config.validate`).
+
+    Raises
+    ------
+    UsageError
+        If a choice, an option or the type of a value is wrong.
+    """
+    register()
+    try:
+        with initialize_config_module("infoplan.conf", version_base="1.3"):
+            composed = hydra_compose("config", [_admitted(override) for override in overrides])
+    except (HydraException, OmegaConfBaseException) as error:
+        raise UsageError(explain(error)) from error
+    return _to_config(composed)
+
+
 def compose_terrain(overrides: list[str]) -> TerrainConfig:
     """Read ``terrain=...`` and ``terrain.option=...`` as ``infoplan run`` does.
 
@@ -135,15 +155,7 @@ def compose_terrain(overrides: list[str]) -> TerrainConfig:
     UsageError
         If a choice, an option or a value is wrong.
     """
-    from hydra import compose, initialize_config_module
-
-    register()
-    try:
-        with initialize_config_module("infoplan.conf", version_base="1.3"):
-            composed = compose("config", [_admitted(override) for override in overrides])
-            return _to_config(composed).terrain
-    except (HydraException, OmegaConfBaseException) as error:
-        raise UsageError(explain(error)) from error
+    return compose(overrides).terrain
 
 
 def complete(arguments: list[str]) -> int:

@@ -72,7 +72,8 @@ class CurveRow:
     """The state of a mission after an epoch: a row of its learning curve.
 
     Errors and scores compare the noise-free truth on the query grid with the model's latent mean
-    and standard deviation; hyperparameters are in scaled units, elevations in the terrain's.
+    and standard deviation, and are NaN where the terrain is unknown; hyperparameters are in scaled
+    units, elevations in the terrain's.
     """
 
     epoch: int
@@ -270,6 +271,7 @@ class Mission:
         error = self.mean - self.grid_truth
         standardised = error / self.latent_std
         log_density = -0.5 * standardised**2 - np.log(self.latent_std) - 0.5 * np.log(2 * np.pi)
+        inside = np.where(np.isnan(error), np.nan, np.abs(standardised) <= 1.959964)
         return CurveRow(
             epoch=self.epoch,
             collected=self.collected,
@@ -277,7 +279,7 @@ class Mission:
             rmse=float(np.sqrt(np.mean(error**2))),
             mae=float(np.mean(np.abs(error))),
             nlpd=float(-np.mean(log_density)),
-            coverage95=float(np.mean(np.abs(standardised) <= 1.959964)),
+            coverage95=float(np.mean(inside)),
             **self.confusion,
             **asdict(self.model.hyperparameters),
             jitter=self.model.jitter,

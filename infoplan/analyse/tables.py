@@ -19,6 +19,9 @@ LABELS = ("run", "seed", "method", "planner", "detector", "scope", "rho", "terra
 SWEPT = ("planner.name", "detector.name", "detector.scope", "rho")
 """The options that tell a study's runs apart."""
 
+REPLAY = "replay"
+"""The key that the configuration of a replay has: the name of the run that was flown."""
+
 Options = dict[str, Any]
 """A configuration with dotted names."""
 
@@ -108,7 +111,9 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
         its value, or a list of which any will do. A run may be named by its hash alone; the terrain
         ``file`` is any that was read from a user's file. Without ``terrain`` it is helens if that
         is there. None filters nothing, and a run without the option (NONE has no contamination)
-        passes.
+        passes. Replays are left out where there are flown missions, unless ``run``, ``method`` (as
+        ``REPLAY-UCT-NONE``) or ``replay``, the name of the run that was flown or True for any, asks
+        for them.
 
     Returns
     -------
@@ -132,6 +137,9 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     for name, wanted in filters.items():
         if wanted is not None:
             missions = _filtered(missions, options, name, wanted)
+    replays = missions["method"].str.startswith("REPLAY-")
+    if all(filters.get(name) is None for name in ("run", "method", REPLAY)) and not replays.all():
+        missions = missions[~replays]
     if filters.get("terrain") is None and DEFAULT_TERRAIN in set(missions["terrain"]):
         missions = missions[missions["terrain"] == DEFAULT_TERRAIN]
     runs = list(dict.fromkeys(missions["run"]))
@@ -283,7 +291,7 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
                 {
                     "run": run,
                     "seed": int(footer["seed"]),
-                    "method": f"{flat['planner.name']}-{flat['detector.name']}".upper(),
+                    "method": _method(flat),
                     "planner": flat["planner.name"],
                     "detector": flat["detector.name"],
                     "scope": flat["detector.scope"],
@@ -298,6 +306,12 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
                 f"the footer of {path} lacks {error}: delete it and run its configuration again"
             ) from error
     return pd.DataFrame(rows), options
+
+
+def _method(flat: Options) -> str:
+    """Name a run's method; that of a replay was never flown and must not pass for one that was."""
+    flown = f"{flat['planner.name']}-{flat['detector.name']}".upper()
+    return f"REPLAY-{flown}" if REPLAY in flat else flown
 
 
 def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
@@ -326,6 +340,9 @@ def _filtered(
 
 
 def _answers(row: dict[str, Any], options: dict[str, Options], name: str, wanted: Any) -> bool:
+    if name == REPLAY:
+        flown = options[row["run"]].get(REPLAY)
+        return flown is not None and (wanted is True or flown == wanted)
     if name not in LABELS and name not in options[row["run"]]:
         return True  # NONE and BEST go with any option of COPOD
     value: Any = row[name] if name in LABELS else options[row["run"]][name]

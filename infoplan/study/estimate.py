@@ -72,7 +72,8 @@ def learn(results_dir: Path) -> Pace:
         for seed in seeds:
             try:
                 footer = read_footer(table_path(results_dir, "curves", run, seed))
-                pace.add(kind_of(footer["configuration"]), float(footer["seconds"]))
+                if "replay" not in footer["configuration"]:  # nothing was planned in those
+                    pace.add(kind_of(footer["configuration"]), float(footer["seconds"]))
             except (RunError, KeyError, TypeError, ValueError):
                 continue
     return pace

@@ -11,7 +11,6 @@ import yaml
 
 from infoplan.config import (
     TERRAIN_SCHEMAS,
-    Config,
     CopodConfig,
     MissionConfig,
     OwnTerrainConfig,
@@ -51,7 +50,7 @@ class Run:
     science: dict[str, Any]
 
 
-def identify(config: Config, terrain: Terrain) -> Run:
+def identify(config: MissionConfig, terrain: Terrain) -> Run:
     """Resolve a configuration on the terrain that was loaded for it, and name the run."""
     resolved = resolve(config, terrain)
     science: dict[str, Any] = asdict(resolved)
@@ -77,7 +76,7 @@ def digest(science: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(science, sort_keys=True).encode()).hexdigest()[:8]
 
 
-def resolve(config: Config, terrain: Terrain) -> MissionConfig:
+def resolve(config: MissionConfig, terrain: Terrain) -> MissionConfig:
     """Reduce a configuration to its science, with the terrain that was really loaded.
 
     The detectors none and best judge a sample the same whenever they see it, so both scopes give

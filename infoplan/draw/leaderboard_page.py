@@ -1,0 +1,151 @@
+"""The leaderboard for the terminal, as Markdown, and as one self-contained HTML page."""
+
+import html
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from infoplan.analyse.leaderboard import Leaderboard, Standing
+from infoplan.analyse.statistics import Interval
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+TITLE = "Leaderboard"
+
+STYLE = """
+:root { color-scheme: light dark; --line: #8885; --bar: #3b7dd8; }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+.wide { overflow-x: auto; }
+th, td { padding: .3rem .7rem; border-bottom: 1px solid var(--line); text-align: right; }
+th:nth-child(2), td:nth-child(2) { text-align: left; }
+td { white-space: nowrap; }
+svg { display: block; width: 12rem; height: 1rem; }
+svg line { stroke: var(--bar); stroke-width: 2; }
+svg circle { fill: var(--bar); }
+"""
+
+
+def print_leaderboard(board: Leaderboard, console: "Console") -> None:
+    """Print the leaderboard as a table, without the columns of single maps."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE, title=heading(board), title_justify="left")
+    narrow = replace(board, maps={})
+    for column in columns(narrow):
+        table.add_column(
+            column, justify="left" if column == "method" else "right", no_wrap=column == "method"
+        )
+    for number, standing in enumerate(board.standings, start=1):
+        row = cells(number, replace(standing, by_map={}))
+        table.add_row(*(cell.replace(" [", "\n\\[") for cell in row))
+    console.print(table)
+    for line in remarks(board):
+        console.print(line, soft_wrap=True, markup=False)
+
+
+def markdown(board: Leaderboard) -> str:
+    """Write the leaderboard as a Markdown table."""
+    named = columns(board)
+    lines = [
+        f"{heading(board)}",
+        "",
+        f"| {' | '.join(named)} |",
+        f"|{'|'.join('---' if name == 'method' else '---:' for name in named)}|",
+        *(
+            f"| {' | '.join(cells(number, standing))} |"
+            for number, standing in enumerate(board.standings, start=1)
+        ),
+        "",
+        *(f"{line}  " for line in remarks(board)),
+    ]
+    return "\n".join(lines).rstrip()
+
+
+def write_page(board: Leaderboard, path: Path) -> Path:
+    """Write the leaderboard as an HTML page that needs nothing else."""
+    named = columns(board)
+    scores = [standing.score for standing in board.standings]
+    ends = [end for score in scores for end in (score.mean, score.low, score.high)]
+    ends = [end for end in ends if math.isfinite(end)]
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in [*named[:3], "", *named[3:]])
+    rows = []
+    for number, standing in enumerate(board.standings, start=1):
+        shown = [f"<td>{html.escape(cell)}</td>" for cell in cells(number, standing)]
+        shown.insert(3, f"<td>{_bar(standing.score, min(ends), max(ends))}</td>")
+        rows.append(f"<tr>{''.join(shown)}</tr>")
+    notes = "".join(f"<p>{html.escape(line)}</p>" for line in remarks(board))
+    page = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{STYLE}</style></head><body><h1>{TITLE}</h1>"
+        f"<p>{html.escape(heading(board))}</p>"
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody>'
+        f"</table></div>{notes}</body></html>\n"
+    )
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def heading(board: Leaderboard) -> str:
+    """Say what was compared."""
+    maps = ", ".join(f"{name} ({len(seeds)} seed{'s' * (len(seeds) > 1)})"
+                     for name, seeds in board.maps.items())  # fmt: skip
+    rhos = ", ".join(f"{rho:g}" for rho in board.rhos)
+    return f"{maps}; rho {rhos}; budget {board.budget}; {board.missions} missions"
+
+
+def columns(board: Leaderboard) -> list[str]:
+    """Name the columns."""
+    return ["", "method", "area [95 %]", "behind the first", *(f"rho {r:g}" for r in board.rhos),
+            *(board.maps if len(board.maps) > 1 else ()), "final", "s a mission"]  # fmt: skip
+
+
+def cells(number: int, standing: Standing) -> list[str]:
+    """Write a row."""
+    by_map = standing.by_map.values() if len(standing.by_map) > 1 else ()
+    return [
+        str(number),
+        standing.method,
+        _interval(standing.score),
+        _interval(standing.behind) if number > 1 else "",
+        *(f"{score:.3f}" for score in standing.by_rho.values()),
+        *(f"{score:.3f}" for score in by_map),
+        f"{standing.final:.3f}",
+        f"{standing.seconds:.1f}",
+    ]
+
+
+def remarks(board: Leaderboard) -> list[str]:
+    """Say how to read the table, and what was left out."""
+    lines = [
+        "area: mean RMSE from the pilot's end to the budget, divided by the standard deviation of "
+        "the map, so that maps can be averaged; 0 is perfect, 1 no better than the map's mean",
+        "intervals: bootstrap over maps and over whole seeds of each map; methods whose distance "
+        "to the first, paired by map and seed, has an interval that reaches 0 are not told apart "
+        "from it",
+    ]
+    if len(board.maps) < 5:
+        lines.append("with fewer than 5 maps the intervals are rough: there is little to resample")
+    return [*lines, *board.notes]
+
+
+def _interval(interval: Interval) -> str:
+    if math.isnan(interval.low):
+        return f"{interval.mean:.3f}"
+    return f"{interval.mean:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+
+
+def _bar(interval: Interval, low: float, high: float) -> str:
+    """Draw a mean with its interval between the least and the greatest end of all."""
+
+    def at(value: float) -> str:
+        return f"{4 + 192 * (value - low) / ((high - low) or 1):.1f}"
+
+    line = ""
+    if not math.isnan(interval.low):
+        line = f'<line x1="{at(interval.low)}" x2="{at(interval.high)}" y1="8" y2="8"/>'
+    return f'<svg viewBox="0 0 200 16">{line}<circle cx="{at(interval.mean)}" cy="8" r="4"/></svg>'

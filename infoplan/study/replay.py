@@ -1,0 +1,313 @@
+"""``infoplan replay``: a run's trajectory and measurements through another detector or model.
+
+Nothing is planned, so whatever differs between a run and its replay is the detector's or the
+model's doing, and not that of where the robot went.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+
+from infoplan.config import MissionConfig, seed_list, validate
+from infoplan.errors import UsageError
+from infoplan.hydra_front import compose
+from infoplan.mission import CurveRow, Mission, Samples
+from infoplan.study.identity import Run, config_from_science, digest, identify
+from infoplan.study.provenance import git_state, provenance
+from infoplan.study.store import (
+    MissionTables,
+    build_tables,
+    inspect,
+    list_missions,
+    prepare,
+    read_footer,
+    read_table,
+    save_mission,
+    table_path,
+)
+from infoplan.terrain import Terrain
+
+GROUPS = ("detector", "model")
+"""Groups that a replay may choose anew."""
+
+OPTIONS = ("planner.smoothing",)
+"""Further options that change what is told of a mission, and not its trajectory."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A stored run that is replayed.
+
+    Attributes
+    ----------
+    name
+        The run.
+    config, science
+        Its configuration, as a record and as it is stored.
+    seeds
+        Those that are done, ascending.
+    """
+
+    name: str
+    config: MissionConfig
+    science: dict[str, Any]
+    seeds: list[int]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What `replay_run` did: the new run, its source, the seeds of both; what was computed."""
+
+    run: Run
+    source: Source
+    seeds: list[int]
+    computed: int
+    seconds: float
+
+
+def find_source(results_dir: Path, named: str) -> Source:
+    """Find the stored run that a name, or the hash at its end, stands for.
+
+    Raises
+    ------
+    UsageError
+        If there is none, or several.
+    RunError
+        If its configuration does not fit this version.
+    """
+    stored = list_missions(results_dir)
+    found = [run for run in sorted(stored) if named in (run, run.rpartition("-")[2])]
+    if len(found) != 1:
+        listed = ", ".join(sorted(stored)) or "none"
+        raise UsageError(
+            f"{len(found) or 'no'} stored run{'s' * (len(found) > 1)} in results_dir={results_dir} "
+            f"answer{'s' * (not found)} to {named!r}: name one, or its hash; there is {listed}"
+        )
+    seeds = stored[found[0]]
+    footer = read_footer(table_path(results_dir, "curves", found[0], seeds[0]))
+    science = footer["configuration"]
+    return Source(found[0], config_from_science(science), science, seeds)
+
+
+def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> MissionConfig:
+    """Put another detector, scope or model into a stored configuration.
+
+    Parameters
+    ----------
+    config
+        The source's.
+    overrides
+        Hydra's: ``detector=...`` or ``model=...`` chooses anew, with that choice's defaults;
+        ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option, and all else stays.
+
+    Returns
+    -------
+    MissionConfig
+        Valid.
+
+    Raises
+    ------
+    UsageError
+        If an override would change anything else, is unknown or has no possible value.
+    """
+    names = [_replayable(override) for override in overrides]
+    chosen = [f"{group}={getattr(config, group).name}" for group in ("planner", *GROUPS)]
+    kept = [choice for choice in chosen if choice.partition("=")[0] not in names]
+    composed = compose([*kept, *overrides])
+    parts: dict[str, Any] = {"planner": config.planner, "detector": config.detector,
+                             "model": config.model}  # fmt: skip
+    parts |= {group: getattr(composed, group) for group in GROUPS if group in names}
+    for name in names:
+        group, _, rest = name.partition(".")
+        if not rest or group in names:
+            continue
+        option = rest.partition(".")[0]
+        value = getattr(getattr(composed, group), option)
+        if isinstance(value, dict):
+            value = {**getattr(parts[group], option), **value}
+        parts[group] = replace(parts[group], **{option: value})
+    changed = replace(config, **parts)
+    # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
+    validate(
+        replace(changed, terrain=replace(MissionConfig().terrain, extent=config.terrain.extent))
+    )
+    return changed
+
+
+def _replayable(override: str) -> str:
+    """Name what an override changes, if that is open to a replay."""
+    try:
+        parsed = OverridesParser.create().parse_override(override)
+    except HydraException as error:
+        raise UsageError(
+            f"the override {override!r} cannot be read: write option=value, like detector=best"
+        ) from error
+    name = parsed.key_or_group
+    if parsed.is_delete() or (name.split(".")[0] not in GROUPS and name not in OPTIONS):
+        raise UsageError(
+            f"{override} is not open to a replay, which keeps trajectory and measurements: change "
+            "detector, model, their options or planner.smoothing, or fly it with infoplan run"
+        )
+    if parsed.is_sweep_override():
+        raise UsageError(f"{override} has several values: a replay takes one, so replay for each")
+    return name
+
+
+def identify_replay(source: Source, config: MissionConfig) -> Run:
+    """Name the replay of a run: ``replay-...``, a hash over the source's name, too.
+
+    `Run.science` gets the key ``replay``, the name of the run that was flown. The terrain is known
+    by name and digest alone: its elevations come from the tables.
+    """
+    stored = source.science["terrain"]
+    unknown = np.full((2, 2), np.nan)
+    terrain = Terrain(
+        stored["name"], unknown, tuple(stored["extent"]), stored["unit"], stored["sha256"]
+    )
+    run = identify(replace(config, terrain=MissionConfig().terrain), terrain)
+    kept = {"terrain": stored, "replay": source.science.get("replay", source.name)}
+    # Whatever has become of a planner of the user's own: its trajectory is the stored one.
+    planner = {**source.science["planner"], "smoothing": config.planner.smoothing}
+    science = {**run.science, "planner": planner, **kept}
+    name = f"replay-{run.name.rpartition('-')[0]}-{digest(science)}"
+    return Run(name, replace(run.config, terrain=source.config.terrain), terrain, science)
+
+
+def replay_mission(
+    config: MissionConfig, terrain: Terrain, seed: int, samples: pd.DataFrame, maps: pd.DataFrame
+) -> tuple[Mission, list[CurveRow]]:
+    """Give a mission the stored samples, epoch by epoch, and evaluate it after each.
+
+    Parameters
+    ----------
+    config, terrain, seed
+        As of `Mission`; of the terrain only the extent counts.
+    samples, maps
+        Tables of the mission that was flown; the map's truth is what predictions are scored by.
+
+    Returns
+    -------
+    mission : Mission
+    rows : list of CurveRow
+        After the pilot and after each epoch.
+    """
+    mission = Mission(config, terrain, seed)
+    mission.grid_truth = maps["truth"].to_numpy(dtype=np.float64)
+    n = len(samples)
+    stored = Samples(
+        epoch=samples["epoch"].to_numpy(dtype=np.int64),
+        x=samples[["x1", "x2"]].to_numpy(dtype=np.float64),
+        flagged=np.zeros(n, dtype=bool),
+        score=np.full(n, np.nan),
+        **{name: samples[name].to_numpy() for name in ("heading", "truth", "measured",
+                                                       "is_outlier")},
+    )  # fmt: skip
+    mission.start(stored[stored.epoch == 0])
+    rows = [mission.evaluate()]
+    for mission.epoch in range(1, int(stored.epoch[-1]) + 1):
+        mission.observe(stored[stored.epoch == mission.epoch])
+        rows.append(mission.evaluate())
+    return mission, rows
+
+
+def replay_run(
+    results_dir: Path,
+    named: str,
+    overrides: Sequence[str],
+    *,
+    seeds: Any = None,
+    n_jobs: int = -1,
+    resume: bool = True,
+    tell: Callable[[str], object] = print,
+) -> Replay:
+    """Replay the stored missions of a run, and store the tables as those of a run of its own.
+
+    Parameters
+    ----------
+    results_dir
+        Where the run's tables are, and the replay's go.
+    named
+        The run, or its hash.
+    overrides
+        As of `reconfigure`.
+    seeds
+        A count or a list; None: all that are done.
+    n_jobs
+        Missions at a time; -1: one a core.
+    resume
+        Keep what has been replayed already.
+    tell
+        Is given a line for each mission that is done.
+
+    Returns
+    -------
+    Replay
+
+    Raises
+    ------
+    UsageError
+        If the run or a seed is not there, or an override is not possible.
+    RunError
+        If a table cannot be read or written.
+    """
+    from joblib import Parallel, delayed, parallel_config
+
+    source = find_source(results_dir, named)
+    run = identify_replay(source, reconfigure(source.config, overrides))
+    wanted = source.seeds if seeds is None else seed_list(seeds)
+    if missing := sorted(set(wanted) - set(source.seeds)):
+        raise UsageError(
+            f"seeds={missing} of {source.name} are not stored: use some of {source.seeds}, or fly "
+            "them with infoplan run"
+        )
+    if n_jobs == 0:
+        raise UsageError("n_jobs=0 runs nothing: give a number of workers, or -1 for all cores")
+    prepare(results_dir)
+    todo = [
+        seed
+        for seed in wanted
+        if not (resume and inspect(results_dir, run.name, seed).state == "done")
+    ]
+    start = time.monotonic()
+    with parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1):
+        pool = Parallel(return_as="generator_unordered", batch_size=1)
+        for seed, tables, footer in pool(
+            delayed(_replay_seed)(results_dir, source.name, run, seed) for seed in todo
+        ):
+            footer |= {"command": sys.orig_argv, "git": git_state()}
+            save_mission(results_dir, run, seed, tables, footer)
+            final = tables.curves["rmse"][-1].as_py()
+            tell(f"{run.name} seed {seed}  RMSE {final:.4g} {run.terrain.unit}")
+    return Replay(run, source, wanted, len(todo), time.monotonic() - start)
+
+
+def _replay_seed(
+    results_dir: Path, source: str, run: Run, seed: int
+) -> tuple[int, MissionTables, dict[str, Any]]:
+    """Replay one mission in a worker, on one thread as it was flown."""
+    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
+    from threadpoolctl import threadpool_limits
+
+    started, clock = datetime.now(UTC), time.perf_counter()
+    samples, maps = (
+        read_table(results_dir, name, source, seed).to_pandas() for name in ("samples", "maps")
+    )
+    with threadpool_limits(limits=1):
+        mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
+        tables = build_tables(run, mission, rows)
+    footer = provenance() | {
+        "started": started.isoformat(timespec="milliseconds"),
+        "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "seconds": time.perf_counter() - clock,
+    }
+    return seed, tables, footer

@@ -1,0 +1,216 @@
+"""The leaderboard: areas and intervals by hand, what counts, and the command."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from made_tables import store
+from scipy.integrate import trapezoid
+from scipy.stats import bootstrap
+
+from infoplan.analyse.leaderboard import rank
+from infoplan.cli import main
+from infoplan.errors import UsageError
+
+COLLECTED = [100, 130, 290, 600]
+METHODS = ("uct-none", "uct-copod", "puct-copod")
+RHOS = (0.0, 0.2)
+MAPS = ("helens", "volcano", "jacksboro")
+SEEDS = range(4)
+
+
+def curve(method: str, terrain: str, rho: float, seed: int) -> np.ndarray:
+    """RMSE of a mission: a level of each method, map and rho, and a seed's own noise."""
+    key = [METHODS.index(method), MAPS.index(terrain), round(10 * rho), seed]
+    noise = np.random.default_rng(key).uniform(-8, 8, size=len(COLLECTED))
+    level = {"uct-none": 80, "uct-copod": 60, "puct-copod": 50}[method]
+    return level + 20 * MAPS.index(terrain) + 50 * rho + noise
+
+
+def fill(folder: Path, terrains=MAPS, seeds=SEEDS, methods=METHODS) -> None:
+    for method in methods:
+        for terrain in terrains:
+            for rho in RHOS:
+                for seed in seeds:
+                    store(folder, method, rho, seed=seed, collected=COLLECTED,
+                          rmse=curve(method, terrain, rho, seed), terrain=terrain)  # fmt: skip
+
+
+def area(method: str, terrain: str, rho: float, seed: int, deviation: float = 100.0) -> float:
+    return trapezoid(curve(method, terrain, rho, seed), COLLECTED) / (600 - 100) / deviation
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("results")
+    fill(folder)
+    return folder
+
+
+def test_scores_are_areas_over_deviations(results):
+    board = rank(results)
+    names = [standing.method for standing in board.standings]
+    assert names == ["puct-copod-gp-batch", "uct-copod-gp-batch", "uct-none-gp-batch"]
+    for standing, method in zip(board.standings, METHODS[::-1], strict=True):
+        areas = np.array([[[area(method, t, r, s) for s in SEEDS] for r in RHOS] for t in MAPS])
+        assert standing.score.mean == pytest.approx(areas.mean())
+        for number, terrain in enumerate(MAPS):
+            assert standing.by_map[terrain] == pytest.approx(areas[number].mean())
+        for number, rho in enumerate(RHOS):
+            assert standing.by_rho[rho] == pytest.approx(areas[:, number].mean())
+        finals = [curve(method, t, r, s)[-1] / 100 for t in MAPS for r in RHOS for s in SEEDS]
+        assert standing.final == pytest.approx(np.mean(finals))
+        assert standing.seconds == pytest.approx(4.0)
+    assert board.missions == 72
+    assert board.budget == 600
+    assert board.notes == ()
+    behind = [standing.behind.mean for standing in board.standings]
+    assert behind[0] == 0
+    assert behind[2] == pytest.approx(board.standings[2].score.mean - board.standings[0].score.mean)
+
+
+def test_each_map_has_its_own_deviation(tmp_path):
+    fill(tmp_path, terrains=["helens", "volcano"], seeds=[0])
+    for path in (tmp_path / "maps").glob("run=*volcano*/*.parquet"):
+        table = pq.read_table(path, partitioning=None)
+        column = table.column_names.index("truth")
+        taller = (table["truth"].to_numpy() - 7) * 4
+        changed = table.set_column(column, "truth", [taller])
+        pq.write_table(changed.replace_schema_metadata(table.schema.metadata), path)
+    for standing, method in zip(rank(tmp_path).standings, METHODS[::-1], strict=True):
+        low = np.mean([area(method, "helens", rho, 0) for rho in RHOS])
+        high = np.mean([area(method, "volcano", rho, 0, 400) for rho in RHOS])
+        assert standing.score.mean == pytest.approx((low + high) / 2)
+
+
+def test_on_one_map_the_interval_is_scipys_over_seeds(tmp_path):
+    seeds = range(12)
+    fill(tmp_path, terrains=["helens"], seeds=seeds)
+    board = rank(tmp_path)
+    first, last = board.standings[0], board.standings[-1]
+    means = {m: [np.mean([area(m, "helens", r, s) for r in RHOS]) for s in seeds] for m in METHODS}
+    best, worst = np.array(means["puct-copod"]), np.array(means["uct-none"])
+    for found, values in ((first.score, best), (last.behind, worst - best)):
+        expected = bootstrap([values], np.mean, method="percentile", n_resamples=20_000, rng=1)
+        width = np.ptp(expected.confidence_interval)
+        assert found.low == pytest.approx(expected.confidence_interval.low, abs=0.05 * width)
+        assert found.high == pytest.approx(expected.confidence_interval.high, abs=0.05 * width)
+    assert last.behind.low > 0
+
+
+def test_intervals_over_maps_are_wider_than_over_seeds_of_the_same_maps(results):
+    # Maps differ by 0.2 in level, seeds by much less: only resampled maps can show that.
+    score = rank(results).standings[0].score
+    assert score.high - score.low > 0.2
+    # The best is better on every map: its lead does not hang on which maps are drawn.
+    behind = rank(results).standings[1].behind
+    assert 0 < behind.low < behind.high < 0.2
+
+
+def test_a_method_that_lacks_a_map_is_not_ranked_and_named(tmp_path):
+    fill(tmp_path, terrains=["helens", "volcano"], seeds=[0, 1])
+    store(tmp_path, "puct-none", 0.2, seed=0, collected=COLLECTED, rmse=[1, 1, 1, 1])
+    store(tmp_path, "uct-none", 0.3, seed=0, collected=COLLECTED)
+    store(tmp_path, "uct-best", 0.0, seed=5, collected=[100, 2000])
+    board = rank(tmp_path)
+    assert len(board.standings) == 3
+    told = " / ".join(board.notes)
+    assert "puct-none-gp-batch is not ranked: it lacks helens rho 0, volcano rho 0" in told
+    assert "helens rho 0.3 does not count" in told
+    assert "1 missions with other settings than budget=600 are left out" in told
+    chosen = rank(tmp_path, {"terrain": "helens", "rho": 0.2, "seed": 0})
+    assert chosen.standings[0].method == "puct-none-gp-batch"
+    assert chosen.missions == 4
+
+
+def test_only_seeds_that_all_have_count(tmp_path):
+    fill(tmp_path, terrains=["helens"], seeds=[0, 1, 2])
+    fill(tmp_path, terrains=["helens"], seeds=[7], methods=METHODS[:2])
+    board = rank(tmp_path)
+    assert board.maps == {"helens": [0, 1, 2]}
+    assert board.missions == 18
+
+
+def test_methods_of_one_name_are_told_apart_by_their_options(tmp_path):
+    fill(tmp_path, terrains=["helens"], seeds=[0])
+    for rho in RHOS:
+        store(tmp_path, "uct-copod", rho, collected=COLLECTED, detector__contamination=0.2)
+    names = {standing.method for standing in rank(tmp_path).standings}
+    assert "uct-copod-gp-batch detector.contamination=0.2" in names
+    assert "uct-copod-gp-batch detector.contamination=0.1" in names
+    assert "uct-none-gp-batch" in names
+
+
+def test_replays_are_nobodys_method(tmp_path):
+    fill(tmp_path, terrains=["helens"], seeds=[0])
+    for rho in RHOS:
+        store(tmp_path, "greedy-copod", rho, collected=COLLECTED, replay="uct-copod-...-01234567")
+    assert len(rank(tmp_path).standings) == 3
+
+
+@pytest.mark.parametrize(
+    ("filters", "words"),
+    [({"rho": 0.7}, "no finished mission with rho=0.7"), ({"planner": "puct"}, "no two methods")],
+)
+def test_nothing_to_rank_is_one_sentence(results, filters, words):
+    with pytest.raises(UsageError, match=words):
+        rank(results, filters)
+
+
+class Rows(HTMLParser):
+    """The texts of a page's table cells, row by row."""
+
+    def __init__(self):
+        super().__init__()
+        self.rows: list[list[str]] = []
+
+    def handle_starttag(self, tag, attributes):
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+
+    def handle_data(self, data):
+        if self.rows and self.rows[-1]:
+            self.rows[-1][-1] += data
+
+
+def test_the_command_in_three_shapes(results, capfd):
+    expected = rank(results).standings
+    assert main(["leaderboard", f"results_dir={results}"]) == 0
+    said = capfd.readouterr().out
+    positions = [said.index(standing.method) for standing in expected]
+    assert positions == sorted(positions)
+
+    assert main(["leaderboard", "--markdown", f"results_dir={results}"]) == 0
+    lines = capfd.readouterr().out.splitlines()
+    rows = [line.strip("| ").split(" | ") for line in lines if line.startswith("| ")]
+    assert [row[1] for row in rows[1:]] == [standing.method for standing in expected]
+    assert [row[2].split()[0] for row in rows[1:]] == [f"{s.score.mean:.3f}" for s in expected]
+    assert len({len(row) for row in rows[1:]}) == 1
+
+    assert main(["leaderboard", "--html", f"results_dir={results}"]) == 0
+    page = results / "leaderboard.html"
+    assert str(page) in capfd.readouterr().out
+    parser = Rows()
+    parser.feed(page.read_text(encoding="utf-8"))
+    assert [row[1] for row in parser.rows[1:]] == [standing.method for standing in expected]
+    assert len({len(row) for row in parser.rows}) == 1
+    assert "http" not in page.read_text(encoding="utf-8")
+
+
+def test_the_command_filters_and_refuses(results, tmp_path, capfd):
+    assert main(["leaderboard", "terrain=[helens]", "rho=0.2", f"results_dir={results}"]) == 0
+    said = capfd.readouterr().out
+    assert "12 missions" in said
+    assert main(["leaderboard", f"results_dir={tmp_path}"]) == 2
+    assert "experiment=benchmark" in capfd.readouterr().err
+    assert main(["leaderboard", "--html", "--markdown", f"results_dir={results}"]) == 2
+    assert "not both" in capfd.readouterr().err
+    assert main(["leaderboard", "rhoo=1", f"results_dir={results}"]) == 2
+    assert "did you mean 'rho'" in capfd.readouterr().err
+    frame = pd.read_parquet(results / "curves")
+    assert len(frame) == 72 * len(COLLECTED)

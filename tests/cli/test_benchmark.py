@@ -1,0 +1,35 @@
+"""``experiment=benchmark`` and the leaderboard that it is for."""
+
+import json
+from itertools import product
+
+import pandas as pd
+from conftest import SMALL, infoplan
+
+from infoplan.cli import main
+
+
+def test_the_benchmark_is_every_method_on_every_map_at_every_share(tmp_path, capfd):
+    assert main(["status", "--json", "experiment=benchmark", f"results_dir={tmp_path}"]) == 0
+    runs = json.loads(capfd.readouterr().out)["runs"]
+    names = [run["run"].rpartition("-")[0] for run in runs]
+    methods = ("uct-none", "uct-best", "uct-copod", "puct-copod")
+    shares = ("0", "0.05", "0.1", "0.15", "0.2")
+    for method, terrain, rho in product(methods, ("volcano", "jacksboro"), shares):
+        assert names.count(f"{method}-{terrain}-rho{rho}-batch") == 1
+    assert all(run["missing"] == [0, 1, 2] for run in runs)
+
+
+def test_a_tiny_benchmark_is_ranked(tmp_path, capfd):
+    short = [option for option in SMALL if not option.startswith(("terrain", "budget", "n_jobs"))]
+    arguments = ["terrain=volcano", "rho=0,0.2", "budget=140", "n_jobs=2", *short]
+    results = f"results_dir={tmp_path}"
+    infoplan("run", "-m", "experiment=benchmark", *arguments, results)
+    curves = pd.read_parquet(tmp_path / "curves")
+    methods = set(map(tuple, curves[["planner", "detector"]].to_numpy()))
+    assert {("uct", "none"), ("uct", "best"), ("uct", "copod"), ("puct", "copod")} <= methods
+    assert set(curves["rho"]) == {0.0, 0.2}
+    assert main(["leaderboard", "--markdown", results]) == 0
+    rows = [line for line in capfd.readouterr().out.splitlines() if line.startswith("| ")][1:]
+    assert len(rows) == len(methods)
+    assert {row.split(" | ")[1] for row in rows} >= {"uct-best-gp-batch", "puct-copod-gp-batch"}
