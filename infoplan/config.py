@@ -8,7 +8,7 @@ numbers. `Config` adds what does not: seeds, workers, paths.
 import copy
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from infoplan.errors import UsageError
@@ -468,7 +468,7 @@ class MissionConfig:
     planner: PlannerConfig = field(default_factory=TreeSearchConfig)
     detector: DetectorConfig = field(default_factory=CopodConfig)
     terrain: TerrainConfig = field(default_factory=HelensConfig)
-    model: ModelConfig = field(default_factory=ModelConfig)
+    model: ModelConfig = field(default_factory=GpConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
@@ -503,6 +503,12 @@ class Config(MissionConfig):
     sweep: list[str] = option(
         [], "command lines whose configurations are the study; options given beside replace theirs"
     )
+
+
+def with_values(choice: Any, **values: Any) -> Any:
+    """Copy a choice's options with some of other values, those that it has."""
+    own = {item.name for item in fields(choice)}
+    return replace(choice, **{name: value for name, value in values.items() if name in own})
 
 
 def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[str, Any]]]:
@@ -596,9 +602,10 @@ def describe(metadata: dict[str, Any]) -> str:
     kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
     words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
     if metadata["choices"]:
-        described = _either(metadata["choices"])
+        listed = "a list of " if "list" in str(metadata["type"]) else ""
+        described = listed + _either(metadata["choices"])
     elif "dict" in str(metadata["type"]):
-        described = "a mapping"
+        described = "a mapping like {name: value}"
     elif "list" in str(metadata["type"]):
         length = metadata["length"]
         described = f"a list of {length} numbers" if length else "a list"
@@ -636,6 +643,13 @@ def seed_list(seeds: Any) -> list[int]:
 def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
     choices = metadata["choices"]
     if value is None:
+        return
+    if choices and isinstance(value, list):
+        if not value or len(set(value)) < len(value) or not set(value) <= set(choices):
+            raise UsageError(
+                f"{name}={value} is not possible: use one or several of {', '.join(choices)}, "
+                f"each once ({metadata['doc']})"
+            )
         return
     if isinstance(value, str):
         if choices and value not in choices:

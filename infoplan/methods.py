@@ -80,7 +80,7 @@ def find(group: str, options: Any) -> Callable[..., Any]:
     return partial(BUILT_IN[group][options.name], **arguments)
 
 
-def label(options: Any) -> str:
+def method_label(options: Any) -> str:
     """Name of a planner, detector or model in tables and names of runs.
 
     The name of the choice; for a detector of PyOD ``pyod_`` and its class, for a method of the
@@ -125,12 +125,12 @@ def complete(config: MissionConfig) -> MissionConfig:
     if conditioned and not hasattr(_load("model", config.model), "weights_and_inverse"):
         raise UsageError(
             "detector=gp_residual needs a model with a method weights_and_inverse, which "
-            f"{label(config.model)} has not: use another detector, or model=gp"
+            f"{method_label(config.model)} has not: use another detector, or model=gp"
         )
     return completed
 
 
-def stored(config: MissionConfig) -> dict[str, dict[str, Any]]:
+def stored_methods(config: MissionConfig) -> dict[str, dict[str, Any]]:
     """Give planner, detector and model as they stand in a run's YAML, and decide its hash.
 
     Parameters
@@ -141,19 +141,19 @@ def stored(config: MissionConfig) -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict of dict
-        Their options by group; ``name`` is the `label`. Of an own method also the SHA-256 of the
-        file that defines it, so that a changed method is another run.
+        Their options by group; ``name`` is the `method_label`. Of an own method also the SHA-256
+        of the file that defines it, so that a changed method is another run.
     """
     described = {}
     for group in BUILT_IN:
         options = getattr(config, group)
-        described[group] = asdict(options) | {"name": label(options)}
+        described[group] = asdict(options) | {"name": method_label(options)}
         if isinstance(options, OWN):
             described[group]["sha256"] = _digest(_load(group, options))
     return described
 
 
-def from_stored(group: str, values: Mapping[str, Any]) -> Any:
+def method_from_stored(group: str, values: Mapping[str, Any]) -> Any:
     """Read a group of a run's YAML back into its dataclass.
 
     Parameters
@@ -161,7 +161,7 @@ def from_stored(group: str, values: Mapping[str, Any]) -> Any:
     group
         ``planner``, ``detector`` or ``model``.
     values
-        What `stored` gave for it.
+        What `stored_methods` gave for it.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def culprit_named(config: MissionConfig, doing: str) -> Iterator[None]:
                 reason = " ".join(f"{type(error).__name__}: {error}".split())
                 where = f"{Path(theirs[-1].filename).name}, line {theirs[-1].lineno}"
                 raise RunError(
-                    f"the {group} {label(options)} failed {doing}: {reason} ({where})"
+                    f"the {group} {method_label(options)} failed {doing}: {reason} ({where})"
                 ) from error
         raise
 
@@ -229,7 +229,7 @@ def _load(group: str, options: Any) -> Callable[..., Any]:
         kind = "Class" if group == "model" else "function"
         raise UsageError(f"{group}=own needs {name}: write it as {name}=module.{kind}")
     function = load(options.function, name)
-    if label(options) in METHODS[group]:
+    if method_label(options) in METHODS[group]:
         raise UsageError(
             f"{name}={options.function} is called like a {group} of infoplan's: give it another "
             "name, by which tables can tell them apart"

@@ -13,7 +13,7 @@ from infoplan.answers import checked_actions, checked_drive, checked_prediction,
 from infoplan.config import MissionConfig
 from infoplan.detect import Evidence, Judgement
 from infoplan.errors import RunError
-from infoplan.methods import culprit_named, find, label
+from infoplan.methods import culprit_named, find, method_label
 from infoplan.plan import Situation, count_flags, smooth
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path, steering_angles, turn_on_the_spot
@@ -197,12 +197,12 @@ class Mission:
                     break
                 situation = replace(situation, pose=turn_on_the_spot(situation.pose))
                 actions = self._ask_planner(situation, rng)
-            trajectory = checked_drive(situation, actions, label(self.config.planner))
+            trajectory = checked_drive(situation, actions, method_label(self.config.planner))
         return trajectory[: self.config.budget - self.collected]
 
     def _ask_planner(self, situation: Situation, rng: np.random.Generator) -> Integers:
         plan = self.planner(situation, rng)
-        checked = checked_actions(plan, situation, label(self.config.planner))
+        checked = checked_actions(plan, situation, method_label(self.config.planner))
         return checked[: self.config.planner.execute_actions]
 
     def situation(self) -> Situation:
@@ -283,14 +283,14 @@ class Mission:
             )
         )  # fmt: skip
         verdict = self.detector(evidence, self.model, generator(self.seed, "detector", self.epoch))
-        return checked_verdict(verdict, len(samples), label(self.config.detector))
+        return checked_verdict(verdict, len(samples), method_label(self.config.detector))
 
     def evaluate(self) -> CurveRow:
         """Predict the query grid (line 5) and score the prediction against the truth."""
         with self._timed("predict"):
             prediction = self.model.predict(self.grid)
             self.mean, self.latent_std = checked_prediction(
-                prediction, len(self.grid), label(self.config.model)
+                prediction, len(self.grid), method_label(self.config.model)
             )
             lml = _number(self.model, "log_marginal_likelihood")
         learned = getattr(self.model, "hyperparameters", None)
@@ -327,7 +327,7 @@ class Mission:
         if np.isnan(noise):
             raise RunError(
                 "planner.noisy_std=true needs a model with observation_noise_std, which "
-                f"{label(self.config.model)} has not: leave planner.noisy_std=false"
+                f"{method_label(self.config.model)} has not: leave planner.noisy_std=false"
             )
         return np.hypot(self.latent_std, noise)
 

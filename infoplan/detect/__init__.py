@@ -5,6 +5,8 @@ boolean and a score (NaN where it has none) for each sample. `Evidence` says wha
 samples; the model is that of before the new batch, the generator the epoch's own.
 """
 
+from collections.abc import Callable
+
 from infoplan.detect.any_pyod import pyod
 from infoplan.detect.copod import copod
 from infoplan.detect.evidence import Evidence, Judgement
@@ -12,7 +14,7 @@ from infoplan.detect.gp_residual import gp_residual
 from infoplan.detect.local import local
 from infoplan.detect.trivial import best, none
 
-DETECTORS = {
+DETECTORS: dict[str, Callable[..., Judgement]] = {
     "none": none,
     "best": best,
     "copod": copod,

@@ -1,5 +1,10 @@
 """Where to drive next: reward maps, Monte Carlo tree search by UCB or Pareto UCB, baselines."""
 
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
 from infoplan.plan.lawnmower import lawnmower
 from infoplan.plan.pareto import pareto_optimal
 from infoplan.plan.planners import greedy, puct, random_walk, uct, weighted
@@ -7,7 +12,7 @@ from infoplan.plan.reward_maps import count_flags, normalise, smooth
 from infoplan.plan.situation import Situation
 from infoplan.plan.tree_search import Tree, most_visited_actions, pareto_ucb, search, ucb
 
-PLANNERS = {
+PLANNERS: dict[str, Callable[..., NDArray[np.int64]]] = {
     "uct": uct,
     "puct": puct,
     "weighted": weighted,
