@@ -8,7 +8,7 @@ numbers. `Config` adds what does not: seeds, workers, paths.
 import copy
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from infoplan.errors import UsageError
@@ -40,7 +40,7 @@ def option(
     at_least, above, at_most, below
         Bounds of a number, or of every number in a list.
     choices
-        The strings allowed; for an option that is not a string, the strings allowed besides.
+        The strings allowed, alone or in a list; for a number, the strings allowed besides.
     length
         Number of entries that a list must have.
     science
@@ -165,15 +165,9 @@ def terrain_kind(name: str) -> str:
 
 @dataclass
 class PlannerConfig:
-    """Tree search over the robot's actions."""
+    """What all planners have."""
 
-    name: str = option("puct", "tree policy", choices=("uct", "puct"))
-    iterations: int = option(500, "tree search iterations a decision", at_least=1)
-    rollouts: int = option(5, "straight actions of a rollout", at_least=0)
-    exploration: float = option(
-        0.3, "C of the (Pareto) UCB, times the largest mean among the children", at_least=0
-    )
-    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+    name: str = option("", "planner")
     execute_actions: int | None = option(
         None, "drive only the first actions of a plan; null: all", at_least=1
     )
@@ -183,6 +177,67 @@ class PlannerConfig:
         unit="workspace units",
         at_least=0,
     )
+
+
+@dataclass
+class TreeSearchConfig(PlannerConfig):
+    """Tree search over the robot's actions."""
+
+    name: str = option("puct", "tree policy", choices=("uct", "puct"))
+    iterations: int = option(500, "tree search iterations a decision", at_least=1)
+    rollouts: int = option(5, "straight actions of a rollout", at_least=0)
+    exploration: float = option(
+        0.3, "C of the (Pareto) UCB, times the largest mean among the children", at_least=0
+    )
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
+class WeightedConfig(TreeSearchConfig):
+    """Tree search with the upper confidence bound on a weighted sum of both rewards."""
+
+    name: str = option("weighted", "planner", choices=("weighted",))
+    weight: float = option(
+        0.5, "share of the outlier density in the reward, the deviation has the rest",
+        at_least=0, at_most=1,
+    )  # fmt: skip
+
+
+@dataclass
+class RandomConfig(PlannerConfig):
+    """Random walk of the car."""
+
+    name: str = option("random", "planner", choices=("random",))
+    actions: int = option(6, "actions of a plan", at_least=1)
+
+
+@dataclass
+class GreedyConfig(PlannerConfig):
+    """The best next action, one after the other."""
+
+    name: str = option("greedy", "planner", choices=("greedy",))
+    actions: int = option(6, "actions of a plan", at_least=1)
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
+class LawnmowerConfig(PlannerConfig):
+    """Coverage in parallel tracks, whatever was measured."""
+
+    name: str = option("lawnmower", "planner", choices=("lawnmower",))
+    actions: int = option(6, "actions of a plan", at_least=1)
+    spacing: float = option(5.0, "between tracks", unit="workspace units", above=0)
+    lookahead: int = option(3, "actions that are looked ahead for each", at_least=1, at_most=5)
+
+
+@dataclass
+class OwnPlannerConfig(PlannerConfig):
+    """A planner of the user's."""
+
+    name: str = option("own", "planner", choices=("own",))
+    function: str | None = option(None, "dotted path of the planner, module.function")
+    options: dict[str, Any] = option({}, "its options")
+    noisy_std: bool = option(False, "deviation that it is given includes the learned noise")
 
 
 @dataclass
@@ -207,7 +262,65 @@ class CopodConfig(DetectorConfig):
 
 
 @dataclass
+class PyodConfig(DetectorConfig):
+    """Any detector of PyOD."""
+
+    name: str = option("pyod", "detector", choices=("pyod",))
+    model: str = option("ECOD", "class of PyOD: ECOD, IForest, LOF, KNN, HBOS ...")
+    features: list[str] = option(
+        ["y"], "what it sees, standardised: position and measurement", choices=("x1", "x2", "y")
+    )
+    contamination: float = option(0.1, "share of the data to flag", above=0, at_most=0.5)
+    params: dict[str, Any] = option({}, "further parameters of the class")
+
+
+@dataclass
+class GpResidualConfig(DetectorConfig):
+    """Leave-one-out residual of the Gaussian process."""
+
+    name: str = option("gp_residual", "detector", choices=("gp_residual",))
+    threshold: float = option(3.0, "largest residual kept", unit="standard deviations", above=0)
+    one_by_one: bool = option(
+        True, "drop the worst, look at the others without it, and so on; false: all at once"
+    )
+
+
+@dataclass
+class LocalConfig(DetectorConfig):
+    """Deviation from the nearest neighbours."""
+
+    name: str = option("local", "detector", choices=("local",))
+    neighbours: int = option(10, "nearest samples that one is compared with", at_least=2)
+    threshold: float = option(
+        3.5, "largest distance from their median kept", unit="their deviations", above=0
+    )
+
+
+@dataclass
+class OwnDetectorConfig(DetectorConfig):
+    """A detector of the user's."""
+
+    name: str = option("own", "detector", choices=("own",))
+    function: str | None = option(None, "dotted path of the detector, module.function")
+    options: dict[str, Any] = option({}, "its options")
+
+
+@dataclass
 class ModelConfig:
+    """What all models have."""
+
+    name: str = option("", "model")
+    pilot_iterations: int = option(500, "optimiser iterations on the pilot data", at_least=0)
+    iterations: Any = option(  # a union would be right, but OmegaConf 2.3 cannot merge one
+        5,
+        "optimiser iterations an epoch, or as many as new samples",
+        at_least=0,
+        choices=("per_sample",),
+    )
+
+
+@dataclass
+class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
@@ -220,14 +333,57 @@ class ModelConfig:
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
-    pilot_iterations: int = option(500, "optimiser iterations on the pilot data", at_least=0)
-    iterations: Any = option(  # a union would be right, but OmegaConf 2.3 cannot merge one
-        5,
-        "optimiser iterations an epoch, or as many as new samples",
-        at_least=0,
-        choices=("per_sample",),
-    )
     dtype: str = option("float64", "precision of the matrices", choices=("float64", "float32"))
+
+
+@dataclass
+class StudentTConfig(ModelConfig):
+    """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
+
+    name: str = option("student_t", "model", choices=("student_t",))
+    dof: float = option(4.0, "degrees of freedom of the noise", above=2)
+    amplitude: float = option(1.0, "start value of the amplitude", above=0)
+    lengthscale: float = option(0.5, "start value of both lengthscales", above=0)
+    noise_variance: float = option(1.0, "start value of the squared scale of the noise", above=0)
+    min_noise_variance: float = option(1e-4, "floor of the learned squared scale", at_least=0)
+    jitter: float = option(1e-6, "added to the diagonal of the covariance", at_least=0)
+    optimizer: str = option(
+        "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
+    )
+    learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+
+
+@dataclass
+class OwnModelConfig(ModelConfig):
+    """A model of the user's."""
+
+    name: str = option("own", "model", choices=("own",))
+    function: str | None = option(None, "dotted path of the model, module.Class")
+    options: dict[str, Any] = option({}, "its options")
+
+
+METHODS: dict[str, dict[str, Any]] = {
+    "planner": {
+        "uct": TreeSearchConfig(name="uct"),
+        "puct": TreeSearchConfig(name="puct"),
+        "weighted": WeightedConfig(),
+        "greedy": GreedyConfig(),
+        "lawnmower": LawnmowerConfig(),
+        "random": RandomConfig(),
+        "own": OwnPlannerConfig(),
+    },
+    "detector": {
+        "none": DetectorConfig(name="none"),
+        "best": DetectorConfig(name="best"),
+        "copod": CopodConfig(),
+        "pyod": PyodConfig(),
+        "gp_residual": GpResidualConfig(),
+        "local": LocalConfig(),
+        "own": OwnDetectorConfig(),
+    },
+    "model": {"gp": GpConfig(), "student_t": StudentTConfig(), "own": OwnModelConfig()},
+}
+"""The options of every planner, detector and model, with their defaults."""
 
 
 @dataclass
@@ -309,10 +465,10 @@ class OutliersConfig:
 class MissionConfig:
     """All that decides the numbers of a mission, its seed and the map's bytes apart."""
 
-    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    planner: PlannerConfig = field(default_factory=TreeSearchConfig)
     detector: DetectorConfig = field(default_factory=CopodConfig)
     terrain: TerrainConfig = field(default_factory=HelensConfig)
-    model: ModelConfig = field(default_factory=ModelConfig)
+    model: ModelConfig = field(default_factory=GpConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
@@ -347,6 +503,12 @@ class Config(MissionConfig):
     sweep: list[str] = option(
         [], "command lines whose configurations are the study; options given beside replace theirs"
     )
+
+
+def with_values(choice: Any, **values: Any) -> Any:
+    """Copy a choice's options with some of other values, those that it has."""
+    own = {item.name for item in fields(choice)}
+    return replace(choice, **{name: value for name, value in values.items() if name in own})
 
 
 def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[str, Any]]]:
@@ -440,9 +602,10 @@ def describe(metadata: dict[str, Any]) -> str:
     kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
     words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
     if metadata["choices"]:
-        described = _either(metadata["choices"])
+        listed = "a list of " if "list" in str(metadata["type"]) else ""
+        described = listed + _either(metadata["choices"])
     elif "dict" in str(metadata["type"]):
-        described = "a mapping"
+        described = "a mapping like {name: value}"
     elif "list" in str(metadata["type"]):
         length = metadata["length"]
         described = f"a list of {length} numbers" if length else "a list"
@@ -480,6 +643,13 @@ def seed_list(seeds: Any) -> list[int]:
 def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
     choices = metadata["choices"]
     if value is None:
+        return
+    if choices and isinstance(value, list):
+        if not value or len(set(value)) < len(value) or not set(value) <= set(choices):
+            raise UsageError(
+                f"{name}={value} is not possible: use one or several of {', '.join(choices)}, "
+                f"each once ({metadata['doc']})"
+            )
         return
     if isinstance(value, str):
         if choices and value not in choices:

@@ -34,12 +34,9 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from infoplan.config import (
+    METHODS,
     TERRAIN_SCHEMAS,
     Config,
-    CopodConfig,
-    DetectorConfig,
-    ModelConfig,
-    PlannerConfig,
     TerrainConfig,
     describe,
     options,
@@ -48,14 +45,8 @@ from infoplan.errors import RunError, UsageError
 from infoplan.wording import suggest
 
 SCHEMAS: dict[str, dict[str, Any]] = {
-    "planner": {"uct": PlannerConfig(name="uct"), "puct": PlannerConfig(name="puct")},
-    "detector": {
-        "none": DetectorConfig(name="none"),
-        "best": DetectorConfig(name="best"),
-        "copod": CopodConfig(),
-    },
+    **METHODS,
     "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()},
-    "model": {"gp": ModelConfig()},
 }
 """Schema of every choice of every group; each YAML file in ``infoplan.conf`` repeats one."""
 
@@ -71,8 +62,8 @@ Act = Callable[[list[Config]], tuple[int, list[float]]]
 _act: Act
 """What to do in this call: Hydra cannot hand it on."""
 
-OWN_OPTION = re.compile(r"\w+\.options\.")
-"""How an option of a user's own function begins."""
+OWN_OPTION = re.compile(r"\w+\.(options|params)\.")
+"""How an option of a user's own function, or of one of PyOD's classes, begins."""
 
 _statuses: list[int | Exception] = []
 """Exit status or error of each study: Hydra keeps what a job returns or raises to itself."""
@@ -369,7 +360,7 @@ def _all_options() -> dict[str, dict[str, Any]]:
 
 
 def _admitted(override: str) -> str:
-    """Let Hydra take the options of a user's own function, of which it has no list."""
+    """Let Hydra take options of which it has no list: of own functions and PyOD's classes."""
     return f"++{override}" if OWN_OPTION.match(override) else override
 
 

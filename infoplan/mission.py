@@ -2,24 +2,30 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.answers import checked_actions, checked_drive, checked_prediction, checked_verdict
 from infoplan.config import MissionConfig
-from infoplan.detect import DETECTORS
-from infoplan.model import GaussianProcess
-from infoplan.plan import count_flags, most_visited_actions, normalise, search, smooth
+from infoplan.detect import Evidence, Judgement
+from infoplan.errors import RunError
+from infoplan.methods import culprit_named, find, method_label
+from infoplan.plan import Situation, count_flags, smooth
 from infoplan.randomness import generator
-from infoplan.robot import bezier_path, drive, steering_angles, turn_on_the_spot
+from infoplan.robot import bezier_path, steering_angles, turn_on_the_spot
 from infoplan.sensing import add_spikes, measure
 from infoplan.terrain import Terrain
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+TURNS = 16
+"""Turns on the spot that come round once."""
 
 
 @dataclass
@@ -73,7 +79,7 @@ class CurveRow:
 
     Errors and scores compare the noise-free truth on the query grid with the model's latent mean
     and standard deviation, and are NaN where the terrain is unknown; hyperparameters are in scaled
-    units, elevations in the terrain's.
+    units, elevations in the terrain's. What the model has not (one of the user's) is NaN.
     """
 
     epoch: int
@@ -110,12 +116,20 @@ class Mission:
         The ground truth.
     seed
         Seed of all random streams.
+
+    Raises
+    ------
+    UsageError
+        If a planner, detector or model of the user's own cannot be had.
     """
 
     def __init__(self, config: MissionConfig, terrain: Terrain, seed: int):
         self.config = config
         self.terrain = terrain
         self.seed = seed
+        self.planner = find("planner", config.planner)
+        self.detector = find("detector", config.detector)
+        self.new_model = find("model", config.model)
         self.steering = steering_angles(config.robot.max_steering, config.robot.steering_angles)
         rows, columns = config.grid
         self.shape = (rows, columns)
@@ -128,14 +142,24 @@ class Mission:
         self.seconds = {"plan": 0.0, "fit": 0.0, "predict": 0.0, "detect": 0.0}
 
     def run(self) -> Iterator[CurveRow]:
-        """Fly the mission (Algorithm 1), yielding a row after the pilot and after each epoch."""
-        self.start(self.sample(self.pilot_path()))  # lines 1 to 3
-        yield self.evaluate()  # line 5
+        """Fly the mission (Algorithm 1), yielding a row after the pilot and after each epoch.
+
+        Raises
+        ------
+        RunError
+            If a planner, detector or model fails, or gives what it should not.
+        """
+        with culprit_named(self.config, "on the pilot samples"):
+            self.start(self.sample(self.pilot_path()))  # lines 1 to 3
+            row = self.evaluate()  # line 5
+        yield row
         while self.collected < self.config.budget:  # line 4
-            trajectory = self.plan()  # line 6
-            batch = self.sample(trajectory)  # line 7
-            self.observe(batch)  # lines 8 to 10
-            yield self.evaluate()  # line 5 of the next epoch
+            with culprit_named(self.config, f"in epoch {self.epoch + 1}"):
+                trajectory = self.plan()  # line 6
+                batch = self.sample(trajectory)  # line 7
+                self.observe(batch)  # lines 8 to 10
+                row = self.evaluate()  # line 5 of the next epoch
+            yield row
 
     @property
     def collected(self) -> int:
@@ -151,24 +175,12 @@ class Mission:
         """Fit the scalers and the model's hyperparameters to the pilot samples (lines 2 and 3)."""
         self.samples = pilot
         self.pose = np.append(pilot.x[-1], pilot.heading[-1])
-        model = self.config.model
         with self._timed("fit"):
-            self.model = GaussianProcess(
-                pilot.x,
-                pilot.measured,
-                amplitude=model.amplitude,
-                lengthscale=model.lengthscale,
-                noise_variance=model.noise_variance,
-                min_noise_variance=model.min_noise_variance,
-                jitter=model.jitter,
-                optimizer=model.optimizer,
-                learning_rate=model.learning_rate,
-                dtype=model.dtype,
-            )
-            self.model.optimize(model.pilot_iterations)
+            self.model = self.new_model(pilot.x.copy(), pilot.measured.copy())
+            self.model.optimize(self.config.model.pilot_iterations)
 
     def plan(self) -> Floats:
-        """Plan the next trajectory by tree search from the current pose (line 6).
+        """Plan the next trajectory from the current pose (line 6).
 
         Returns
         -------
@@ -176,39 +188,39 @@ class Mission:
             Poses x1, x2, heading at the samples, cut to the remaining budget.
         """
         self.epoch += 1
-        planner, robot = self.config.planner, self.config.robot
         rng = generator(self.seed, "planner", self.epoch)
-        pose = self.pose
         with self._timed("plan"):
-            rewards = [normalise(self.std.reshape(self.shape))]
-            if planner.name == "puct":
-                rewards.append(normalise(self.outlier_density()))
-            actions = np.empty(0, dtype=np.int64)
-            while len(actions) == 0:
-                tree = search(
-                    pose,
-                    np.stack(rewards),
-                    self.terrain.extent,
-                    speed=robot.speed,
-                    samples_per_action=robot.samples_per_action,
-                    steering=self.steering,
-                    iterations=planner.iterations,
-                    rollouts=planner.rollouts,
-                    exploration=planner.exploration,
-                    pareto=planner.name == "puct",
-                    rng=rng,
-                )
-                actions = most_visited_actions(tree, rng)
-                if len(actions) == 0:
-                    pose = turn_on_the_spot(pose)
-            trajectory = drive(
-                pose,
-                actions[: planner.execute_actions],
-                self.steering,
-                robot.speed,
-                robot.samples_per_action,
-            )
+            situation = self.situation()
+            actions = self._ask_planner(situation, rng)
+            for _ in range(TURNS):
+                if len(actions):
+                    break
+                situation = replace(situation, pose=turn_on_the_spot(situation.pose))
+                actions = self._ask_planner(situation, rng)
+            trajectory = checked_drive(situation, actions, method_label(self.config.planner))
         return trajectory[: self.config.budget - self.collected]
+
+    def _ask_planner(self, situation: Situation, rng: np.random.Generator) -> Integers:
+        plan = self.planner(situation, rng)
+        checked = checked_actions(plan, situation, method_label(self.config.planner))
+        return checked[: self.config.planner.execute_actions]
+
+    def situation(self) -> Situation:
+        """Gather what the planner is given."""
+        robot = self.config.robot
+        return Situation(
+            pose=self.pose.copy(),
+            std=_locked(self.std.reshape(self.shape)),
+            outlier_density=self.outlier_density(),
+            extent=self.terrain.extent,
+            speed=robot.speed,
+            samples_per_action=robot.samples_per_action,
+            steering=self.steering,
+            visited=_locked(self.samples.x),
+            n_pilot=int(np.sum(self.samples.epoch == 0)),
+            epoch=self.epoch,
+            budget=self.config.budget,
+        )
 
     def sample(self, trajectory: Floats) -> Samples:
         """Sense the terrain along a trajectory, spikes included (line 7)."""
@@ -245,12 +257,7 @@ class Mission:
         historical = self.config.detector.scope == "historical"
         judged = slice(0 if historical else -len(batch), None)
         with self._timed("detect"):
-            options = asdict(self.config.detector)
-            detector = DETECTORS[options.pop("name")]
-            del options["scope"]
-            flagged, score = detector(
-                self.samples.x, self.samples.measured, self.samples.is_outlier, **options
-            )
+            flagged, score = self.judge(judged)
             self.samples.flagged[judged] = flagged[judged]
             self.samples.score[judged] = score[judged]
             subject = self.samples[judged]
@@ -263,11 +270,30 @@ class Mission:
             per_sample = self.config.model.iterations == "per_sample"
             self.model.optimize(len(batch) if per_sample else int(self.config.model.iterations))
 
+    def judge(self, judged: slice) -> Judgement:
+        """Ask the detector for its verdict on some of the samples."""
+        samples = self.samples
+        asked = np.zeros(len(samples), dtype=bool)
+        asked[judged] = True
+        evidence = Evidence(
+            *(
+                _locked(part)
+                for part in (samples.x, samples.measured, samples.epoch, samples.flagged, asked,
+                             samples.is_outlier)
+            )
+        )  # fmt: skip
+        verdict = self.detector(evidence, self.model, generator(self.seed, "detector", self.epoch))
+        return checked_verdict(verdict, len(samples), method_label(self.config.detector))
+
     def evaluate(self) -> CurveRow:
         """Predict the query grid (line 5) and score the prediction against the truth."""
         with self._timed("predict"):
-            self.mean, self.latent_std = self.model.predict(self.grid)
-            lml = self.model.log_marginal_likelihood
+            prediction = self.model.predict(self.grid)
+            self.mean, self.latent_std = checked_prediction(
+                prediction, len(self.grid), method_label(self.config.model)
+            )
+            lml = _number(self.model, "log_marginal_likelihood")
+        learned = getattr(self.model, "hyperparameters", None)
         error = self.mean - self.grid_truth
         standardised = error / self.latent_std
         log_density = -0.5 * standardised**2 - np.log(self.latent_std) - 0.5 * np.log(2 * np.pi)
@@ -275,14 +301,17 @@ class Mission:
         return CurveRow(
             epoch=self.epoch,
             collected=self.collected,
-            accepted=self.model.n_data,
+            accepted=int(np.sum(~self.samples.flagged)),
             rmse=float(np.sqrt(np.mean(error**2))),
             mae=float(np.mean(np.abs(error))),
             nlpd=float(-np.mean(log_density)),
             coverage95=float(np.mean(inside)),
             **self.confusion,
-            **asdict(self.model.hyperparameters),
-            jitter=self.model.jitter,
+            amplitude=_number(learned, "amplitude"),
+            lengthscale_1=_number(learned, "lengthscale_1"),
+            lengthscale_2=_number(learned, "lengthscale_2"),
+            noise_std=_number(learned, "noise_std"),
+            jitter=_number(self.model, "jitter"),
             lml=lml,
             plan_seconds=self.seconds["plan"],
             fit_seconds=self.seconds["fit"],
@@ -293,9 +322,15 @@ class Mission:
     @property
     def std(self) -> Floats:
         """Standard deviation on the query grid that rewards the planner."""
-        if not self.config.planner.noisy_std:
+        if not getattr(self.config.planner, "noisy_std", False):
             return self.latent_std
-        return np.hypot(self.latent_std, self.model.observation_noise_std)
+        noise = _number(self.model, "observation_noise_std")
+        if np.isnan(noise):
+            raise RunError(
+                "planner.noisy_std=true needs a model with observation_noise_std, which "
+                f"{method_label(self.config.model)} has not: leave planner.noisy_std=false"
+            )
+        return np.hypot(self.latent_std, noise)
 
     def outlier_density(self) -> Floats:
         """Outlier matrix smoothed by a Gaussian (paper, Fig. 3b), shape of the query grid."""
@@ -306,6 +341,18 @@ class Mission:
         start = perf_counter()
         yield
         self.seconds[part] = perf_counter() - start
+
+
+def _number(owner: Any, name: str) -> float:
+    """Return a number that a model tells of itself; NaN if it does not."""
+    return float(getattr(owner, name, np.nan))
+
+
+def _locked(array: NDArray[Any]) -> NDArray[Any]:
+    """View of an array that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def count_confusion(judged: Samples) -> dict[str, int]:

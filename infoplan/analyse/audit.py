@@ -25,6 +25,7 @@ from scipy.ndimage import gaussian_filter
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
+from infoplan.analyse import repeat
 from infoplan.errors import UsageError
 
 Floats = NDArray[np.float64]
@@ -64,6 +65,14 @@ ROUNDING = 1e-9
 
 PRECISION = {"float64": 1e-6, "float32": 3e-3}
 """Relative difference allowed to a prediction, by the precision of the model's matrices."""
+
+OF_THE_MODEL = (
+    "amplitude", "lengthscale_1", "lengthscale_2", "noise_std", "jitter", "lml",
+)  # fmt: skip
+"""Columns of the curve that a model of the user's own need not have."""
+
+REPLAYED_PRECISION = 1e-6
+"""Relative difference allowed to a score that comes from a solve with the model's covariance."""
 
 EARLIER_ROWS = 3
 """Rows of the curve before the last whose model is fitted again."""
@@ -121,6 +130,10 @@ class _Mission:
             value = value[key]
         return value
 
+    def is_own(self, group: str) -> bool:
+        """Tell whether the planner, detector or model is the user's own."""
+        return "function" in self.option(group)
+
     def place(self, sample: int) -> str:
         """Say where a sample is to be found."""
         return f"sample {sample} (epoch {self.epoch[sample]})"
@@ -157,8 +170,8 @@ class _Mission:
         return ROUNDING * max(1.0, float(np.abs(self.maps["truth"]).max()))
 
     @cached_property
-    def judgements(self) -> list[tuple[Floats, Booleans]]:
-        """Scores and flags of the samples so far as they stood after each epoch."""
+    def judgements(self) -> list[tuple[Floats, Booleans] | None]:
+        """Scores and flags of the samples so far as they stood after each epoch, if known."""
         return _replay_detector(self)
 
 
@@ -388,6 +401,8 @@ def _check_values(mission: _Mission) -> str:
         for column, kind in columns.items():
             if kind != "double" or column == "score" or column.endswith("_seconds"):
                 continue
+            if column in OF_THE_MODEL and mission.is_own("model"):
+                continue
             _demand_finite(f"{name}.{column}", table[column].to_numpy())
             count += len(table)
     return f"{count} numbers are finite"
@@ -438,8 +453,9 @@ def _check_configuration(mission: _Mission) -> str:
     }
     for column, name in labels.items():
         _demand_constant(f"curves.{column}", mission.curves[column], mission.option(name))
-    if mission.option("detector.name") != "copod" and mission.option("detector.scope") != "batch":
-        raise _FaultError(f"detector {mission.option('detector.name')} is not stored as batch")
+    detector = mission.option("detector.name")
+    if detector in ("none", "best") and mission.option("detector.scope") != "batch":
+        raise _FaultError(f"detector {detector} is not stored as batch")
     documents = {name: footer for name, footer in mission.footers.items() if footer}
     for name, footer in documents.items():
         for key, expected in (("run", mission.run), ("seed", mission.seed)):
@@ -807,32 +823,99 @@ def _check_spike_draws(mission: _Mission) -> str:
 # Detector
 
 
-def _replay_detector(mission: _Mission) -> list[tuple[Floats, Booleans]]:
-    """Judge the samples again, epoch by epoch, on all data collected by then.
+def _replay_detector(mission: _Mission) -> list[tuple[Floats, Booleans] | None]:
+    """Judge the samples again, epoch by epoch, on what was there by then.
 
     Returns
     -------
-    list of (scores, flags)
-        One pair for each epoch, of all samples collected by then, as the mission then held them:
+    list of (scores, flags) or None
+        One entry for each epoch, of all samples collected by then, as the mission then held them:
         scope batch keeps a sample's first judgement, historical the latest; the pilot is judged
-        by historical only.
+        by historical only. None where a detector that cannot be repeated has judged since; what
+        it said at last is taken from the table.
     """
-    name, scope = mission.option("detector.name"), mission.option("detector.scope")
-    measured = mission.samples["measured"].to_numpy()
-    outlier = mission.samples["is_outlier"].to_numpy()
+    if not _is_repeatable(mission):
+        return _stored_judgements(mission)
+    historical = mission.option("detector.scope") == "historical"
     scores, flags = np.full(mission.n_pilot, np.nan), np.zeros(mission.n_pilot, dtype=bool)
-    judgements = [(scores, flags)]
+    judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
     for e in range(1, len(mission.curves)):
         n = int(np.sum(mission.epoch <= e))
-        if name == "copod":
-            new_scores, new_flags = _copod(mission, measured[:n])
-        else:
-            new_scores = np.full(n, np.nan)
-            new_flags = outlier[:n] if name == "best" else np.zeros(n, dtype=bool)
-        kept = len(scores) if scope == "batch" else 0
+        kept = 0 if historical else len(scores)
+        accepted = np.append(~flags[:kept], np.ones(n - kept, dtype=bool))
+        new_scores, new_flags = _judge(mission, e, accepted, np.arange(n) >= kept)
         scores = np.concatenate([scores[:kept], new_scores[kept:]])
         flags = np.concatenate([flags[:kept], new_flags[kept:]])
         judgements.append((scores, flags))
+    return judgements
+
+
+def _is_repeatable(mission: _Mission) -> bool:
+    """Tell whether the detector can be repeated: not if it is, or needs, the user's own code."""
+    needs_model = mission.option("detector.name") == "gp_residual"
+    return not (mission.is_own("detector") or (needs_model and mission.is_own("model")))
+
+
+def _judge(
+    mission: _Mission, epoch: int, candidates: Booleans, judged: Booleans
+) -> tuple[Floats, Booleans]:
+    """Judge the samples collected by the end of an epoch.
+
+    Parameters
+    ----------
+    epoch
+        Which.
+    candidates
+        What the model holds unless it is flagged now, shape (n,).
+    judged
+        Whose judgement counts, shape (n,).
+
+    Returns
+    -------
+    scores, flags : ndarrays, shape (n,)
+    """
+    n, name = len(judged), str(mission.option("detector.name"))
+    measured = mission.samples["measured"].to_numpy()[:n]
+    if name == "copod":
+        return _copod(mission, measured)
+    if name == "local":
+        scores = repeat.local_scores(
+            mission.x[:n], measured, candidates, judged, int(mission.option("detector.neighbours"))
+        )
+        return scores, scores > float(mission.option("detector.threshold"))
+    if name == "gp_residual":
+        x, y = _scaled_samples(mission)
+        state = mission.curves.iloc[epoch - 1]  # the model has not seen the batch
+        noise = state["noise_std"] ** 2 * _noise_factor(mission) + state["jitter"]
+        return repeat.gp_residuals(
+            x[:n], y[:n], _kernel(state), noise, candidates, judged,
+            float(mission.option("detector.threshold")),
+            bool(mission.option("detector.one_by_one")),
+        )  # fmt: skip
+    if name.startswith("pyod_"):
+        columns = {"x1": "x1", "x2": "x2", "y": "measured"}
+        features = [columns[feature] for feature in mission.option("detector.features")]
+        return repeat.pyod_judgement(
+            mission.samples[features].to_numpy()[:n],
+            str(mission.option("detector.model")),
+            float(mission.option("detector.contamination")),
+            mission.option("detector.params"),
+            np.random.SeedSequence(mission.seed, spawn_key=(4, epoch)),
+        )
+    outlier = mission.samples["is_outlier"].to_numpy()[:n]
+    return np.full(n, np.nan), outlier if name == "best" else np.zeros(n, dtype=bool)
+
+
+def _stored_judgements(mission: _Mission) -> list[tuple[Floats, Booleans] | None]:
+    """Take the judgements of a detector that cannot be repeated from the table."""
+    scores, flags = mission.samples["score"].to_numpy(), mission.samples["flagged"].to_numpy()
+    last = len(mission.curves) - 1
+    judgements: list[tuple[Floats, Booleans] | None] = []
+    for e in range(last + 1):
+        n = int(np.sum(mission.epoch <= e))
+        known = e in (0, last) or mission.option("detector.scope") == "batch"
+        nothing = (np.full(n, np.nan), np.zeros(n, dtype=bool))
+        judgements.append((nothing if e == 0 else (scores[:n], flags[:n])) if known else None)
     return judgements
 
 
@@ -854,11 +937,17 @@ def _copod(mission: _Mission, measured: Floats) -> tuple[Floats, Booleans]:
 
 
 def _check_scores(mission: _Mission) -> str:
-    """Check that the detector's scores are PyOD's, or the paper's formula's."""
-    expected, _ = mission.judgements[-1]
+    """Check that the detector's scores are PyOD's, or those of its formula."""
+    if not _is_repeatable(mission):
+        return ""
+    judgement = mission.judgements[-1]
+    assert judgement is not None
+    expected, _ = judgement
     found = mission.samples["score"].to_numpy()
+    solved = mission.option("detector.name") == "gp_residual"
+    allowed = REPLAYED_PRECISION if solved else ROUNDING
     _demand(
-        np.isclose(found, expected, rtol=ROUNDING, atol=ROUNDING, equal_nan=True),
+        np.isclose(found, expected, rtol=allowed, atol=allowed, equal_nan=True),
         lambda i: f"{mission.place(i)} has the score {found[i]:.6g}, not {expected[i]:.6g}",
     )
     return f"{np.isfinite(expected).sum()} scores agree"
@@ -866,7 +955,9 @@ def _check_scores(mission: _Mission) -> str:
 
 def _check_flags(mission: _Mission) -> str:
     """Check that the flags are the detector's, and what is not flagged is used."""
-    _, expected = mission.judgements[-1]
+    judgement = mission.judgements[-1]
+    assert judgement is not None
+    _, expected = judgement
     flagged, used = mission.samples["flagged"].to_numpy(), mission.samples["used"].to_numpy()
     _demand(
         flagged == expected,
@@ -882,7 +973,10 @@ def _check_flags(mission: _Mission) -> str:
 def _check_confusion(mission: _Mission) -> str:
     """Check that confusion counts and accepted samples of every epoch follow from the flags."""
     outlier = mission.samples["is_outlier"].to_numpy()
-    for e, (_, flags) in enumerate(mission.judgements):
+    for e, judgement in enumerate(mission.judgements):
+        if judgement is None:
+            continue
+        _, flags = judgement
         judged = mission.epoch[: len(flags)] == e
         if mission.option("detector.scope") == "historical":
             judged[:] = True
@@ -928,6 +1022,8 @@ def _check_density(mission: _Mission) -> str:
 
 def _check_hyperparameters(mission: _Mission) -> str:
     """Check that hyperparameters keep their floors, and stay where nothing is learned."""
+    if mission.is_own("model"):
+        return ""
     curves = mission.curves
     floor = float(mission.option("model.min_noise_variance"))
     names = ["amplitude", "lengthscale_1", "lengthscale_2", "noise_std"]
@@ -971,24 +1067,70 @@ def _fit(mission: _Mission, row: int, used: Booleans) -> tuple[Floats, Floats, f
     lml : float
         Log marginal likelihood, scaled units.
     """
-    n = mission.n_pilot
-    low, high = mission.x[:n].min(axis=0), mission.x[:n].max(axis=0)
-    measured = mission.samples["measured"].to_numpy()
-    centre, scale = measured[:n].mean(), measured[:n].std()
-
-    def scaled(x: Floats) -> Floats:
-        return 2.0 * (x - low) / (high - low) - 1.0
-
     state = mission.curves.iloc[row]
-    kernel = ConstantKernel(state["amplitude"] ** 2, "fixed") * RBF(
-        [state["lengthscale_1"], state["lengthscale_2"]], "fixed"
-    )
     model = GaussianProcessRegressor(
-        kernel, alpha=state["noise_std"] ** 2 + state["jitter"], optimizer=None
+        _kernel(state), alpha=state["noise_std"] ** 2 + state["jitter"], optimizer=None
     )
-    model.fit(scaled(mission.x[: len(used)][used]), (measured[: len(used)][used] - centre) / scale)
-    mean, std = model.predict(scaled(mission.maps[["x1", "x2"]].to_numpy()), return_std=True)
+    x, y = _scaled_samples(mission)
+    model.fit(x[: len(used)][used], y[: len(used)][used])
+    mean, std = model.predict(_scaled(mission, mission.maps), return_std=True)
+    centre, scale = _elevation_scaler(mission)
     return centre + scale * mean, scale * std, float(model.log_marginal_likelihood_value_)
+
+
+def _fit_student_t(mission: _Mission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
+    """Do as `_fit` for Student-t noise, from the stored map: the posterior's mode nearest to it."""
+    state = mission.curves.iloc[row]
+    x, y = _scaled_samples(mission)
+    centre, scale = _elevation_scaler(mission)
+    rows, columns = (int(nodes) for nodes in mission.option("grid"))
+    axes = (np.unique(mission.maps["x2"]), np.unique(mission.maps["x1"]))
+    surface = RegularGridInterpolator(
+        axes, mission.maps["mean"].to_numpy().reshape(rows, columns), bounds_error=False,
+        fill_value=None,
+    )  # fmt: skip
+    start = (surface(mission.x[: len(used)][used][:, ::-1]) - centre) / scale
+    mean, std, lml = repeat.student_t(
+        x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps), _kernel(state),
+        state["noise_std"], float(mission.option("model.dof")), state["jitter"], start,
+    )  # fmt: skip
+    return centre + scale * mean, scale * std, lml
+
+
+def _elevation_scaler(mission: _Mission) -> tuple[float, float]:
+    """Mean and deviation of the pilot's measurements."""
+    pilot = mission.samples["measured"].to_numpy()[: mission.n_pilot]
+    return float(pilot.mean()), float(pilot.std())
+
+
+def _scaled(mission: _Mission, places: pd.DataFrame) -> Floats:
+    """Positions in units of the pilot's bounding box, shape (n, 2)."""
+    pilot = mission.x[: mission.n_pilot]
+    low, high = pilot.min(axis=0), pilot.max(axis=0)
+    scaled: Floats = 2.0 * (places[["x1", "x2"]].to_numpy() - low) / (high - low) - 1.0
+    return scaled
+
+
+def _scaled_samples(mission: _Mission) -> tuple[Floats, Floats]:
+    """Positions and measurements of all samples, scaled as the model has them."""
+    centre, scale = _elevation_scaler(mission)
+    return _scaled(mission, mission.samples), (
+        mission.samples["measured"].to_numpy() - centre
+    ) / scale
+
+
+def _kernel(state: "pd.Series[Any]") -> Any:
+    """Kernel with the hyperparameters of a row of the curve."""
+    lengthscales = [state["lengthscale_1"], state["lengthscale_2"]]
+    return ConstantKernel(state["amplitude"] ** 2, "fixed") * RBF(lengthscales, "fixed")
+
+
+def _noise_factor(mission: _Mission) -> float:
+    """Variance of the observation noise over its squared scale."""
+    if mission.option("model.name") != "student_t":
+        return 1.0
+    dof = float(mission.option("model.dof"))
+    return dof / (dof - 2.0)
 
 
 def _precision(mission: _Mission) -> float:
@@ -1007,13 +1149,14 @@ def _compare_row(mission: _Mission, row: int, used: Booleans) -> tuple[Floats, F
     tolerance : float
         What may lie between them and the mission's, terrain's unit.
     """
-    mean, std, lml = _fit(mission, row, used)
+    fit = _fit_student_t if mission.option("model.name") == "student_t" else _fit
+    mean, std, lml = fit(mission, row, used)
     precision = _precision(mission)
     measured = mission.samples["measured"].to_numpy()
     tolerance = precision * float(measured[: mission.n_pilot].std())
     recorded = float(mission.curves["lml"][row])
     if not abs(recorded - lml) <= precision * max(abs(lml), float(np.sum(used))):
-        raise _FaultError(f"epoch {row} has lml {recorded:.8g}, scikit-learn {lml:.8g}")
+        raise _FaultError(f"epoch {row} has lml {recorded:.8g}, recomputed {lml:.8g}")
     _compare_scores(mission, row, mean, std, tolerance, precision)
     return mean, std, tolerance
 
@@ -1066,7 +1209,12 @@ def _check_final_scores(mission: _Mission) -> str:
 
 
 def _check_final_model(mission: _Mission) -> str:
-    """Check that scikit-learn, given the samples in use, predicts the stored map and last row."""
+    """Check that scikit-learn, given the samples in use, predicts the stored map and last row.
+
+    Student-t noise, which it has not, is recomputed step by step.
+    """
+    if mission.is_own("model"):
+        return ""
     last = len(mission.curves) - 1
     used = mission.samples["used"].to_numpy()
     mean, std, tolerance = _compare_row(mission, last, used)
@@ -1080,12 +1228,14 @@ def _check_final_model(mission: _Mission) -> str:
 
 def _check_earlier_models(mission: _Mission) -> str:
     """Check that scikit-learn, given what was in use by then, gives earlier rows of the curve."""
+    if mission.is_own("model") or mission.option("model.name") == "student_t":
+        return ""  # no map of then is stored, from which to find the same mode
     last = len(mission.curves) - 1
     rows = sorted({last * i // EARLIER_ROWS for i in range(EARLIER_ROWS)} - {last})
-    for row in rows:
-        _, flags = mission.judgements[row]
+    known = {row: judgement for row in rows if (judgement := mission.judgements[row]) is not None}
+    for row, (_, flags) in known.items():
         _compare_row(mission, row, ~flags)
-    return f"epochs {', '.join(map(str, rows)) or 'none'} give their rows"
+    return f"epochs {', '.join(map(str, known)) or 'none'} give their rows"
 
 
 CHECKS: dict[str, Callable[[_Mission], str]] = {

@@ -12,6 +12,8 @@ from infoplan.analyse.tables import Selection, load_curves, load_samples
 
 LABELS = ("run", "seed", "method", "scope", "rho")
 COUNTS = ("tp", "fp", "fn", "tn")
+REPEATABLE = ("none", "best", "copod", "local")
+"""Detectors that judge by the samples alone: no model, no random numbers, no code of the user's."""
 
 
 def roc_auc(score: ArrayLike, is_outlier: ArrayLike) -> float:
@@ -43,8 +45,8 @@ def rejudge(samples: pd.DataFrame, detector: Mapping[str, Any]) -> pd.DataFrame:
     """Let the detector judge a mission again, epoch by epoch, on the samples collected so far.
 
     The tables keep the last judgement of each sample. At scope historical, where samples are judged
-    again and again, the earlier ones are worked out here: detectors are deterministic functions of
-    the samples so far.
+    again and again, the earlier ones are worked out here, for the detectors in `REPEATABLE`, which
+    are functions of the samples so far.
 
     Parameters
     ----------
@@ -59,16 +61,19 @@ def rejudge(samples: pd.DataFrame, detector: Mapping[str, Any]) -> pd.DataFrame:
         One row an epoch from 1 on: ``epoch``, ``collected``; confusion counts and ``roc_auc`` over
         everything collected so far; the same of the epoch's own batch, named ``own_...``.
     """
-    from infoplan.detect import DETECTORS
+    from infoplan.detect import DETECTORS, Evidence
 
     options = {name: value for name, value in detector.items() if name not in ("name", "scope")}
+    judge = DETECTORS[detector["name"]]
     epoch = samples["epoch"].to_numpy()
     x = samples[["x1", "x2"]].to_numpy()
     y, outlier = samples["measured"].to_numpy(), samples["is_outlier"].to_numpy(dtype=bool)
     rows = []
     for now in range(1, int(epoch[-1]) + 1):
         n = int(np.searchsorted(epoch, now, side="right"))
-        flagged, score = DETECTORS[detector["name"]](x[:n], y[:n], outlier[:n], **options)
+        nothing, everything = np.zeros(n, dtype=bool), np.ones(n, dtype=bool)
+        evidence = Evidence(x[:n], y[:n], epoch[:n], nothing, everything, outlier[:n])
+        flagged, score = judge(evidence, None, np.random.default_rng(0), **options)
         own = epoch[:n] == now
         rows.append(
             {"epoch": now, "collected": n}
@@ -94,7 +99,8 @@ def detector_quality(selection: Selection) -> pd.DataFrame:
         One row an epoch from 1 on: run, seed, method, scope, rho, epoch, collected; tp, fp, fn, tn,
         precision, recall, false_alarm_rate and roc_auc over what was judged at the epoch (scope
         batch: its own batch; historical: everything so far); own_recall, the recall of the epoch's
-        own batch. NaN where there is nothing to divide by, or no score.
+        own batch. NaN where there is nothing to divide by, or no score; at scope historical the
+        last two are NaN for detectors that are not in `REPEATABLE`.
     """
     curves = dict(missions(load_curves(selection)))
     frames = []
@@ -106,10 +112,13 @@ def detector_quality(selection: Selection) -> pd.DataFrame:
         ].copy()
         values = [ratios(*counts) for counts in frame[list(COUNTS)].to_numpy()]
         frame = frame.join(pd.DataFrame(values, index=frame.index))
-        if curve["scope"].iloc[0] == "historical":
-            again = rejudge(samples, detector_options(selection, key[0]))
+        detector = detector_options(selection, key[0])
+        if curve["scope"].iloc[0] == "historical" and detector["name"] in REPEATABLE:
+            again = rejudge(samples, detector)
             frame["roc_auc"] = again["roc_auc"]
             frame["own_recall"] = again["own_tp"] / (again["own_tp"] + again["own_fn"])
+        elif curve["scope"].iloc[0] == "historical":
+            frame["roc_auc"] = frame["own_recall"] = float("nan")
         else:
             batches = samples[samples["epoch"] > 0].groupby("epoch")
             aucs = {epoch: roc_auc(own["score"], own["is_outlier"]) for epoch, own in batches}

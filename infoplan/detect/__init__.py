@@ -1,12 +1,36 @@
 """Outlier detectors.
 
-A detector is a function of all samples collected so far, ``(x, y, is_outlier, **options)``, that
-returns ``(flagged, score)``: a boolean and a score (NaN where it has none) for each sample.
+A detector is a function ``(samples, model, rng, **options)`` that returns ``(flagged, score)``, a
+boolean and a score (NaN where it has none) for each sample. `Evidence` says what it knows of the
+samples; the model is that of before the new batch, the generator the epoch's own.
 """
 
+from collections.abc import Callable
+
+from infoplan.detect.any_pyod import pyod
 from infoplan.detect.copod import copod
+from infoplan.detect.evidence import Evidence, Judgement
+from infoplan.detect.gp_residual import gp_residual
+from infoplan.detect.local import local
 from infoplan.detect.trivial import best, none
 
-DETECTORS = {"none": none, "best": best, "copod": copod}
+DETECTORS: dict[str, Callable[..., Judgement]] = {
+    "none": none,
+    "best": best,
+    "copod": copod,
+    "pyod": pyod,
+    "gp_residual": gp_residual,
+    "local": local,
+}
 
-__all__ = ["DETECTORS", "best", "copod", "none"]
+__all__ = [
+    "DETECTORS",
+    "Evidence",
+    "Judgement",
+    "best",
+    "copod",
+    "gp_residual",
+    "local",
+    "none",
+    "pyod",
+]

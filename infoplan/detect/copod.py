@@ -1,15 +1,17 @@
 """Copula-based outlier detection of the measured elevation (paper, Section IV-A)."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from infoplan.detect.judgement import Judgement
+from infoplan.detect.evidence import Evidence, Judgement
 
 
 def copod(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    is_outlier: NDArray[np.bool_],
+    samples: Evidence,
+    model: Any,
+    rng: np.random.Generator,
     *,
     contamination: float = 0.1,
     score: str = "pyod",
@@ -18,12 +20,10 @@ def copod(
 
     Parameters
     ----------
-    x
-        Locations, shape (n, 2); unused: the paper's COPOD sees the elevation alone.
-    y
-        Measured elevations, shape (n,).
-    is_outlier
-        True labels; unused.
+    samples
+        The paper's COPOD sees the measurements alone, of all samples collected so far.
+    model, rng
+        As for any detector; unused.
     contamination
         Share of the data above the threshold, in (0, 0.5].
     score
@@ -37,9 +37,9 @@ def copod(
     """
     if score == "pyod":
         detector = _pyod_copod(contamination)
-        detector.fit(y[:, None])
+        detector.fit(samples.measured[:, None])
         return detector.labels_.astype(bool), detector.decision_scores_.astype(np.float64)
-    scores = paper_score(y)
+    scores = paper_score(samples.measured)
     # PyOD's rule: the threshold is the percentile, and a score must lie above it.
     return scores > np.percentile(scores, 100 * (1 - contamination)), scores
 

@@ -1,20 +1,17 @@
 """The two ends of the scale: no detector, and a perfect one."""
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
 
-from infoplan.detect.judgement import Judgement
+from infoplan.detect.evidence import Evidence, Judgement
 
 
-def none(
-    x: NDArray[np.float64], y: NDArray[np.float64], is_outlier: NDArray[np.bool_]
-) -> Judgement:
+def none(samples: Evidence, model: Any, rng: np.random.Generator) -> Judgement:
     """Flag nothing (the paper's worst case, NONE); arguments as in `infoplan.detect`."""
-    return np.zeros(len(y), dtype=bool), np.full(len(y), np.nan)
+    return np.zeros(len(samples), dtype=bool), np.full(len(samples), np.nan)
 
 
-def best(
-    x: NDArray[np.float64], y: NDArray[np.float64], is_outlier: NDArray[np.bool_]
-) -> Judgement:
+def best(samples: Evidence, model: Any, rng: np.random.Generator) -> Judgement:
     """Flag exactly the true outliers (the paper's best case, BEST)."""
-    return is_outlier.copy(), np.full(len(y), np.nan)
+    return samples.is_outlier.copy(), np.full(len(samples), np.nan)

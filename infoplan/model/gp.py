@@ -1,6 +1,7 @@
 """Gaussian process regression as a mission uses it: scaled data, kept hyperparameters."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -79,6 +80,30 @@ class GaussianProcess:
         learning_rate: float = 0.01,
         dtype: str = "float64",
     ) -> None:
+        self._set_up(
+            Likelihood(jitter, dtype),
+            x_pilot,
+            y_pilot,
+            [amplitude, lengthscale, lengthscale, noise_variance],
+            min_noise_variance,
+            optimizer,
+            learning_rate,
+        )
+
+    def _set_up(
+        self,
+        likelihood: Any,
+        x_pilot: np.ndarray,
+        y_pilot: np.ndarray,
+        start: list[float],
+        min_noise_variance: float,
+        optimizer: str,
+        learning_rate: float,
+    ) -> None:
+        """Fit the scalers and take the pilot; any likelihood with the public face of `Likelihood`.
+
+        `start` are the first alpha, both lengthscales and sigma^2.
+        """
         x, y = _checked(x_pilot, y_pilot)
         if not (y.size and np.ptp(x[:, 0]) > 0.0 and np.ptp(x[:, 1]) > 0.0):
             raise RunError(
@@ -95,10 +120,9 @@ class GaussianProcess:
         self._y_mean = float(y.mean())
         self._y_std = float(y.std())
         self._lower, self._upper = bounds(min_noise_variance)
-        start = np.maximum([amplitude, lengthscale, lengthscale, noise_variance], 1e-20)
-        self._theta = np.log(start)
+        self._theta = np.log(np.maximum(start, 1e-20))
         self._optimizer = Adam(learning_rate) if optimizer == "adam" else Lbfgs()
-        self._likelihood = Likelihood(jitter, dtype)
+        self._likelihood = likelihood
         self.replace(x, y)
 
     @property
@@ -194,8 +218,43 @@ class GaussianProcess:
         """
         mean, variance = self._likelihood.predict(self._theta, self._scaled(np.asarray(x, float)))
         if noisy:
-            variance += np.exp(self._theta[3])
+            variance += self._noise_variance()
         return self._y_mean + self._y_std * mean, self._y_std * np.sqrt(variance)
+
+    def weights_and_inverse(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Condition on other data under the present hyperparameters; the model stays as it is.
+
+        What leave-one-out predictions in closed form need (Rasmussen & Williams, eq. 5.12): the
+        residual of datum i is w_i / P_ii, its variance 1 / P_ii, in scaled units.
+
+        Parameters
+        ----------
+        x : array_like of shape (n, 2)
+            Positions, workspace units.
+        y : array_like of shape (n,)
+            Measurements.
+
+        Returns
+        -------
+        weights : ndarray of shape (n,)
+            w = K_y^-1 y, scaled units.
+        inverse : ndarray of shape (n, n)
+            P = K_y^-1, with the variance of the observation noise and the jitter in K_y.
+
+        Raises
+        ------
+        RunError
+            If a value is not finite.
+        """
+        x, y = _checked(x, y)
+        likelihood = Likelihood(self.jitter)
+        likelihood.set_data(self._scaled(x), (y - self._y_mean) / self._y_std)
+        theta = np.append(self._theta[:3], np.log(self._noise_variance()))
+        return likelihood.weights_and_inverse(theta)
+
+    def _noise_variance(self) -> float:
+        """Variance of the observation noise, scaled units."""
+        return float(np.exp(self._theta[3]))
 
     def _scaled(self, x: np.ndarray) -> np.ndarray:
         """Return inputs in units of the pilot's bounding box, shape (2, n)."""

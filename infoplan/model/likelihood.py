@@ -51,9 +51,10 @@ class Likelihood:
         self._theta: np.ndarray | None = None  # of the factor in the buffer, None without one
         self._rows = 0  # of the factor in the buffer
         self._weights: np.ndarray | None = None  # K_y^-1 y of the factor and the data
-        self._pftrf, self._pftrs, self._pftri, self._tfsm, self._sfrk = get_lapack_funcs(
-            ("pftrf", "pftrs", "pftri", "tfsm", "sfrk"), dtype=dtype
+        self._pftrf, self._pftrs, self._pftri, self._tfttr = get_lapack_funcs(
+            ("pftrf", "pftrs", "pftri", "tfttr"), dtype=dtype
         )
+        self._tfsm, self._sfrk = get_lapack_funcs(("tfsm", "sfrk"), dtype=dtype)
 
     @property
     def n_data(self) -> int:
@@ -114,7 +115,7 @@ class Likelihood:
             return value, np.zeros(4)
         self._theta = None  # the inverse takes the factor's place
         inverse, _ = self._pftri(self.n_data, self._packed(), uplo="L", overwrite_a=1)
-        variance, rates, noise = _parameters(theta)
+        variance, rates, noise = parameters(theta)
         pairs, first, second, trace = gradient_sums(self._x, rates, self._weights, inverse)
         gradient = [
             variance * (2.0 * pairs + trace),
@@ -140,7 +141,7 @@ class Likelihood:
             In scaled units. The variance is at least alpha^2 times the machine epsilon of the
             dtype, which is the rounding of the difference that gives it.
         """
-        variance, rates, _ = _parameters(theta)
+        variance, rates, _ = parameters(theta)
         means = np.zeros(x.shape[1])
         variances = np.full(x.shape[1], variance)
         if self.n_data:
@@ -157,6 +158,30 @@ class Likelihood:
                 variances[block] -= np.einsum("ij,ij->i", solved, solved)
         floor = variance * float(np.finfo(self._buffer.dtype).eps)
         return means, np.maximum(variances, floor)
+
+    def weights_and_inverse(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Solve for the weights of the data, and invert their covariance.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (4,)
+            Log hyperparameters.
+
+        Returns
+        -------
+        weights : ndarray of shape (n,)
+            K_y^-1 y.
+        inverse : ndarray of shape (n, n)
+            K_y^-1.
+        """
+        weights = self._solve(theta)
+        if self.n_data == 0:
+            return weights, np.empty((0, 0))
+        self._theta = None  # the inverse takes the factor's place
+        packed, _ = self._pftri(self.n_data, self._packed(), uplo="L", overwrite_a=1)
+        lower, _ = self._tfttr(self.n_data, packed, uplo="L")
+        lower = np.tril(lower)
+        return weights, (lower + np.tril(lower, -1).T).astype(float)
 
     def _packed(self) -> np.ndarray:
         """Return the part of the buffer that a matrix of the size of the data takes."""
@@ -192,14 +217,14 @@ class Likelihood:
 
     def _build_and_factorise(self, theta: np.ndarray) -> bool:
         """Factorise K_y with the present jitter; tell whether that succeeded."""
-        variance, rates, noise = _parameters(theta)
+        variance, rates, noise = parameters(theta)
         packed = self._packed()
         fill_covariance(self._x, rates, variance, variance + noise + self.jitter, packed)
         return self._cholesky(self.n_data, packed)
 
     def _grow(self, theta: np.ndarray) -> bool:
         """Append the new data's rows to the factor; tell whether that succeeded."""
-        variance, rates, noise = _parameters(theta)
+        variance, rates, noise = parameters(theta)
         old, new = self._rows, self.n_data - self._rows
         x_old, x_new = np.ascontiguousarray(self._x[:, :old]), self._x[:, old:].copy()
         dtype = self._buffer.dtype
@@ -230,7 +255,7 @@ def _packed_size(n: int) -> int:
     return n * (n + 1) // 2
 
 
-def _parameters(theta: np.ndarray) -> tuple[float, np.ndarray, float]:
+def parameters(theta: np.ndarray) -> tuple[float, np.ndarray, float]:
     """Return alpha^2, 1 / (2 l_d^2) and sigma^2 of a vector of log hyperparameters."""
     return float(np.exp(2.0 * theta[0])), 0.5 * np.exp(-2.0 * theta[1:3]), float(np.exp(theta[3]))
 

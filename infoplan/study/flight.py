@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
-from infoplan.config import DetectorConfig, MissionConfig, TerrainConfig
-from infoplan.errors import RunError
+from infoplan.config import DetectorConfig, MissionConfig, TerrainConfig, with_values
+from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import NUMERICS_VERSION, Run
 from infoplan.study.progress import COMPILING, Address, reporter
 from infoplan.study.provenance import provenance
@@ -105,7 +105,8 @@ def fly(task: Task, address: Address | None) -> Outcome:
 
 def failed(task: Task, error: BaseException, seconds: float = 0.0) -> Outcome:
     """Describe a mission that raised."""
-    last = traceback.format_exception_only(error)[-1].strip()
+    expected = isinstance(error, UsageError | RunError)
+    last = str(error) if expected else traceback.format_exception_only(error)[-1].strip()
     return Outcome(task, seconds, reason=last, failure="".join(traceback.format_exception(error)))
 
 
@@ -128,7 +129,7 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
     from infoplan.mission import Mission
     from infoplan.terrain import load_terrain
 
-    if any(config.detector.name == "copod" for config in configs):
+    if any(config.detector.name in ("copod", "pyod") for config in configs):
         with suppress(ImportError):
             import pyod.models.copod  # noqa: F401 - takes a second
     if not compiling:
@@ -140,7 +141,7 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
             detector=DetectorConfig(),
             pilot=replace(config.pilot, samples=5),
             model=replace(config.model, pilot_iterations=1, iterations=1),
-            planner=replace(config.planner, iterations=2),
+            planner=with_values(config.planner, iterations=2, actions=1),
             terrain=TerrainConfig(extent=config.terrain.extent),
             rho=0.1,
             grid=[2, 2],

@@ -10,14 +10,15 @@ from typing import Any
 import yaml
 
 from infoplan.config import (
+    METHODS,
     TERRAIN_SCHEMAS,
-    CopodConfig,
     MissionConfig,
     OwnTerrainConfig,
     TerrainConfig,
     terrain_kind,
 )
 from infoplan.errors import RunError, UsageError
+from infoplan.methods import complete, method_from_stored, method_label, stored_methods
 from infoplan.own import load, resolve_options
 from infoplan.terrain import Terrain, find_helens, load_terrain
 
@@ -53,15 +54,16 @@ class Run:
 def identify(config: MissionConfig, terrain: Terrain) -> Run:
     """Resolve a configuration on the terrain that was loaded for it, and name the run."""
     resolved = resolve(config, terrain)
-    science: dict[str, Any] = asdict(resolved)
+    science: dict[str, Any] = asdict(resolved) | stored_methods(resolved)
     for irrelevant in _whereabouts(resolved.terrain):
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
     name = "-".join(
         [
-            resolved.planner.name,
-            resolved.detector.name,
+            method_label(resolved.planner),
+            method_label(resolved.detector),
+            *([] if resolved.model.name == "gp" else [method_label(resolved.model)]),
             terrain.name,
             f"rho{resolved.rho:g}",
             resolved.detector.scope,
@@ -83,7 +85,7 @@ def resolve(config: MissionConfig, terrain: Terrain) -> MissionConfig:
     the same mission: it is always called ``batch``.
     """
     science = {item.name: getattr(config, item.name) for item in fields(MissionConfig)}
-    resolved = MissionConfig(**science)
+    resolved = complete(MissionConfig(**science))
     resolved.terrain = _resolve_terrain(config.terrain, terrain)
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
@@ -188,11 +190,11 @@ def config_from_science(science: Mapping[str, Any]) -> MissionConfig:
     try:
         for item in fields(MissionConfig):
             value = options[item.name] = science[item.name]
-            if is_dataclass(item.type):
+            if item.name in METHODS:
+                options[item.name] = method_from_stored(item.name, value)
+            elif is_dataclass(item.type):
                 schema: Any = item.type
-                if item.name == "detector" and value["name"] == "copod":
-                    schema = CopodConfig
-                elif item.name == "terrain":
+                if item.name == "terrain":
                     schema = TERRAIN_SCHEMAS[terrain_kind(value["name"])]
                 stored = {key: entry for key, entry in value.items() if key != "sha256"}
                 absent = {part.name for part in fields(schema)} - {*_whereabouts(schema), *stored}

@@ -24,7 +24,8 @@ from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import SCHEMA_VERSION, Run, digest
 
 if TYPE_CHECKING:
-    from infoplan.mission import CurveRow, Mission
+    from infoplan.methods import method_label
+from infoplan.mission import CurveRow, Mission
 
 COLUMNS: dict[str, tuple[str, ...]] = {
     "curves": (
@@ -83,8 +84,8 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
     """Lay a finished mission out as tables; columns as the README lists them."""
     config, seed, n = run.config, mission.seed, len(rows)
     labels = {
-        "planner": config.planner.name,
-        "detector": config.detector.name,
+        "planner": method_label(config.planner),
+        "detector": method_label(config.detector),
         "scope": config.detector.scope,
         "rho": config.rho,
         "terrain": run.terrain.name,

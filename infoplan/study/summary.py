@@ -14,6 +14,7 @@ from infoplan.analyse.statistics import Interval, bootstrap_mean
 from infoplan.config import Config, options
 from infoplan.draw.terminal import small_curves, takes_braille
 from infoplan.errors import RunError
+from infoplan.methods import method_label
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
@@ -113,7 +114,8 @@ def labels(runs: list[Run]) -> dict[str, str]:
         config, words = run.config, [run.terrain.name, f"rho {run.config.rho:g}"]
         words += [f"{name}={value}" for name, value in _flat(run).items() if name in varying]
         made[run.name] = (
-            f"{config.planner.name} {config.detector.name} {config.detector.scope}\n"
+            f"{method_label(config.planner)} {method_label(config.detector)} "
+            f"{config.detector.scope}\n"
             f"{' '.join(words)}\n{run.name.rsplit('-', 1)[1]}"
         )
     return made

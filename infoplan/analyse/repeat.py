@@ -1,0 +1,243 @@
+"""Detectors and the Student-t process once more, in the plainest way: what the audit compares with.
+
+Nothing here is shared with what missions run.
+"""
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+FIRST_STEPS = 20
+LAST_STEPS = 30
+CLOSE = 1e-12
+
+
+def local_scores(
+    x: Floats, measured: Floats, candidates: Booleans, judged: Booleans, neighbours: int
+) -> Floats:
+    """Compare samples with their nearest neighbours, one by one: modified z-scores.
+
+    Parameters
+    ----------
+    x
+        Positions, shape (n, 2).
+    measured
+        Measurements, shape (n,).
+    candidates
+        Who may be a neighbour, shape (n,).
+    judged
+        Who gets a score, shape (n,).
+    neighbours
+        How many.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN where not judged.
+    """
+    scores = np.full(len(measured), np.nan)
+    smallest = np.finfo(float).eps * np.abs(measured).max()
+    for i in np.flatnonzero(judged):
+        others = [j for j in np.flatnonzero(candidates) if j != i]
+        squares = np.sum((x[others] - x[i]) ** 2, axis=1)
+        nearest = sorted(zip(squares.tolist(), others, strict=True))[:neighbours]
+        near = measured[[j for _, j in nearest]]
+        spread = 1.4826 * stats.median_abs_deviation(near)
+        scores[i] = abs(measured[i] - np.median(near)) / max(spread, smallest)
+    return scores
+
+
+def gp_residuals(
+    x: Floats,
+    y: Floats,
+    kernel: Any,
+    noise: float,
+    candidates: Booleans,
+    judged: Booleans,
+    threshold: float,
+    one_by_one: bool,
+) -> tuple[Floats, Booleans]:
+    """Leave-one-out residuals of a Gaussian process, and those too large.
+
+    The judged samples are predicted jointly from the other candidates; each of them is then
+    predicted from that and the rest of them.
+
+    Parameters
+    ----------
+    x, y
+        Scaled positions and measurements, shapes (n, 2) and (n,).
+    kernel
+        Of the latent function, scikit-learn's.
+    noise
+        Variance of the observations beside it.
+    candidates, judged
+        What is in the process, and what may leave it, shape (n,).
+    threshold
+        Largest residual kept, standard deviations.
+    one_by_one
+        Take out the worst, look at the rest without it, and so on; else all at once.
+
+    Returns
+    -------
+    scores, flags : ndarrays, shape (n,)
+        Scores are NaN where not judged.
+    """
+    given, asked = np.flatnonzero(candidates & ~judged), np.flatnonzero(judged)
+    covariance = kernel(x[asked]) + noise * np.eye(len(asked))
+    residual = y[asked].copy()
+    if len(given):
+        cross = kernel(x[given], x[asked])
+        explained = np.linalg.solve(kernel(x[given]) + noise * np.eye(len(given)), cross)
+        covariance -= cross.T @ explained
+        residual -= explained.T @ y[given]
+    left = np.arange(len(asked))
+    precision = np.linalg.inv(covariance)
+    found = np.abs(precision @ residual) / np.sqrt(np.diag(precision))
+    flagged = found > threshold
+    if one_by_one:
+        flagged[:] = False
+        current = found
+        while len(left) and current.max() > threshold:
+            worst = int(np.argmax(current))
+            flagged[left[worst]] = True
+            rest = np.delete(np.arange(len(left)), worst)
+            # The inverse without a row and a column, by blocks.
+            column = precision[rest, worst]
+            precision = (
+                precision[np.ix_(rest, rest)] - np.outer(column, column) / (precision[worst, worst])
+            )
+            left = left[rest]
+            current = np.abs(precision @ residual[left]) / np.sqrt(np.diag(precision))
+            found[left] = current
+    scores, flags = np.full(len(y), np.nan), np.zeros(len(y), dtype=bool)
+    scores[asked], flags[asked] = found, flagged
+    return scores, flags
+
+
+def pyod_judgement(
+    features: Floats,
+    name: str,
+    contamination: float,
+    params: Mapping[str, Any],
+    sequence: np.random.SeedSequence,
+) -> tuple[Floats, Booleans]:
+    """Judge samples by a detector of PyOD.
+
+    Parameters
+    ----------
+    features
+        Not scaled yet, shape (n, k).
+    name, contamination, params
+        Class and parameters.
+    sequence
+        Seeds it.
+
+    Returns
+    -------
+    scores, flags : ndarrays, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        If PyOD has no such class.
+    """
+    kind = _pyod_class(name)
+    spread = features.std(axis=0)
+    scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    seed = int(np.random.default_rng(sequence).integers(2**31 - 1))
+    parameters = {**params, "contamination": contamination}
+    if "random_state" in inspect.signature(kind).parameters:
+        parameters["random_state"] = seed
+    state = np.random.get_state()  # noqa: NPY002 - what some of PyOD's classes draw from
+    np.random.seed(seed)  # noqa: NPY002
+    try:
+        detector = kind(**parameters).fit(scaled)
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
+    return detector.decision_scores_, detector.labels_ == 1
+
+
+def _pyod_class(name: str) -> Any:
+    import pyod.models
+
+    for module in pkgutil.iter_modules(pyod.models.__path__):
+        text = Path(pyod.models.__path__[0], f"{module.name}.py").read_text("utf-8")
+        if f"class {name}(" in text:
+            return getattr(importlib.import_module(f"pyod.models.{module.name}"), name)
+    raise ValueError(f"PyOD has no class {name}")
+
+
+def student_t(
+    x: Floats,
+    y: Floats,
+    query: Floats,
+    kernel: Any,
+    scale: float,
+    dof: float,
+    jitter: float,
+    start: Floats,
+) -> tuple[Floats, Floats, float]:
+    """Laplace approximation of a Gaussian process with Student-t noise, by general solves.
+
+    Parameters
+    ----------
+    x, y
+        Scaled data, shapes (n, 2) and (n,).
+    query
+        Where to predict, shape (m, 2).
+    kernel
+        Of the latent function, scikit-learn's.
+    scale, dof
+        Of the noise.
+    jitter
+        Added to the latent variance at the data.
+    start
+        Latent values near the mode, shape (n,).
+
+    Returns
+    -------
+    mean, std : ndarrays, shape (m,)
+        Latent prediction.
+    lml : float
+        Approximate log marginal likelihood.
+    """
+    n, v = len(y), dof * scale**2
+    covariance = kernel(x) + jitter * np.eye(n)
+    latent = start
+    # Expectation and maximisation, which cannot diverge, then Newton's method, which is exact.
+    for _ in range(FIRST_STEPS):
+        variance = (v + (y - latent) ** 2) / (dof + 1.0)
+        latent = covariance @ np.linalg.solve(covariance + np.diag(variance), y)
+    for _ in range(LAST_STEPS):
+        slope, curvature = _derivatives(y - latent, v, dof)
+        # (K^-1 + W) step = slope - K^-1 latent, times K.
+        step = np.linalg.solve(np.eye(n) + covariance * curvature, covariance @ slope - latent)
+        latent = latent + step
+        if np.abs(step).max() <= CLOSE * (1.0 + np.abs(latent).max()):
+            break
+    slope, curvature = _derivatives(y - latent, v, dof)
+    system = np.eye(n) + covariance * curvature
+    cross = kernel(query, x)
+    explained = np.linalg.solve(system.T, np.diag(curvature) @ cross.T)
+    variance = kernel.diag(query) - np.sum(cross.T * explained, axis=0)
+    lml = (
+        np.sum(stats.t.logpdf(y, dof, latent, scale))
+        - 0.5 * slope @ latent
+        - 0.5 * np.linalg.slogdet(system)[1]
+    )
+    return cross @ slope, np.sqrt(variance), float(lml)
+
+
+def _derivatives(residual: Floats, v: float, dof: float) -> tuple[Floats, Floats]:
+    """First and minus second derivative of the log density by the latent value."""
+    d = v + residual**2
+    return (dof + 1.0) * residual / d, (dof + 1.0) * (v - residual**2) / d**2

@@ -1,0 +1,261 @@
+"""Planners, detectors and models by their options: built-in by name, the user's by dotted path."""
+
+import hashlib
+import inspect
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from infoplan.config import (
+    METHODS,
+    MissionConfig,
+    OwnDetectorConfig,
+    OwnModelConfig,
+    OwnPlannerConfig,
+    PyodConfig,
+)
+from infoplan.detect import DETECTORS
+from infoplan.detect.any_pyod import build
+from infoplan.errors import RunError, UsageError
+from infoplan.model import MODELS
+from infoplan.own import load, resolve_options
+from infoplan.plan import PLANNERS
+
+BUILT_IN: dict[str, dict[str, Any]] = {
+    "planner": PLANNERS,
+    "detector": DETECTORS,
+    "model": MODELS,
+}
+"""The methods of each group, by name."""
+
+OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig)
+
+OF_THE_MISSION = {
+    "planner": ("name", "execute_actions", "smoothing", "noisy_std"),
+    "detector": ("name", "scope"),
+    "model": ("name", "pilot_iterations", "iterations"),
+}
+"""Options of a method that the mission itself reads; the others are the method's arguments."""
+
+TAKES = {
+    "planner": ("situation", "rng"),
+    "detector": ("samples", "model", "rng"),
+    "model": ("x_pilot", "y_pilot"),
+}
+"""What a method of each group is called with, besides its options."""
+
+
+def find(group: str, options: Any) -> Callable[..., Any]:
+    """Look a method up and bind its options.
+
+    Parameters
+    ----------
+    group
+        ``planner``, ``detector`` or ``model``.
+    options
+        Its dataclass, out of `infoplan.config.METHODS`.
+
+    Returns
+    -------
+    callable
+        Takes what `TAKES` says.
+
+    Raises
+    ------
+    UsageError
+        If the user's own method cannot be had, or has no such options.
+    """
+    if isinstance(options, OWN):
+        function = _load(group, options)
+        return partial(function, **_own_options(group, options, function))
+    arguments = {
+        item.name: getattr(options, item.name)
+        for item in fields(options)
+        if item.name not in OF_THE_MISSION[group]
+    }
+    return partial(BUILT_IN[group][options.name], **arguments)
+
+
+def method_label(options: Any) -> str:
+    """Name of a planner, detector or model in tables and names of runs.
+
+    The name of the choice; for a detector of PyOD ``pyod_`` and its class, for a method of the
+    user's the name of the function.
+    """
+    if isinstance(options, OWN):
+        return str(options.function).rpartition(".")[2]
+    if isinstance(options, PyodConfig):
+        return f"pyod_{options.model.lower()}"
+    return str(options.name)
+
+
+def complete(config: MissionConfig) -> MissionConfig:
+    """Check what cannot be seen in the options alone, and fill in the defaults of own methods.
+
+    Parameters
+    ----------
+    config
+        Valid (`infoplan.config.validate`).
+
+    Returns
+    -------
+    MissionConfig
+        A copy whose own methods have all their options.
+
+    Raises
+    ------
+    UsageError
+        If an own method cannot be had or called, a detector of PyOD cannot be built, or the
+        detector does not go with the model.
+    """
+    completed = replace(config)
+    for group in BUILT_IN:
+        options = getattr(config, group)
+        if isinstance(options, OWN):
+            function = _load(group, options)
+            arguments = _own_options(group, options, function)
+            setattr(completed, group, replace(options, options=arguments))
+    if isinstance(config.detector, PyodConfig):
+        build(config.detector.model, config.detector.contamination, config.detector.params, 0)
+    conditioned = config.detector.name == "gp_residual" and isinstance(config.model, OwnModelConfig)
+    if conditioned and not hasattr(_load("model", config.model), "weights_and_inverse"):
+        raise UsageError(
+            "detector=gp_residual needs a model with a method weights_and_inverse, which "
+            f"{method_label(config.model)} has not: use another detector, or model=gp"
+        )
+    return completed
+
+
+def stored_methods(config: MissionConfig) -> dict[str, dict[str, Any]]:
+    """Give planner, detector and model as they stand in a run's YAML, and decide its hash.
+
+    Parameters
+    ----------
+    config
+        From `complete`.
+
+    Returns
+    -------
+    dict of dict
+        Their options by group; ``name`` is the `method_label`. Of an own method also the SHA-256
+        of the file that defines it, so that a changed method is another run.
+    """
+    described = {}
+    for group in BUILT_IN:
+        options = getattr(config, group)
+        described[group] = asdict(options) | {"name": method_label(options)}
+        if isinstance(options, OWN):
+            described[group]["sha256"] = _digest(_load(group, options))
+    return described
+
+
+def method_from_stored(group: str, values: Mapping[str, Any]) -> Any:
+    """Read a group of a run's YAML back into its dataclass.
+
+    Parameters
+    ----------
+    group
+        ``planner``, ``detector`` or ``model``.
+    values
+        What `stored_methods` gave for it.
+
+    Returns
+    -------
+    dataclass
+
+    Raises
+    ------
+    KeyError, TypeError
+        If an option is missing or unknown.
+    """
+    name = values["name"]
+    if "function" in values:
+        name = "own"
+    elif name.startswith("pyod_"):
+        name = "pyod"
+    if name not in METHODS[group]:
+        raise KeyError(f"{group}={name}")
+    schema = METHODS[group][name]
+    options = {key: value for key, value in values.items() if key != "sha256"} | {"name": name}
+    if absent := {item.name for item in fields(schema)} - set(options):
+        raise KeyError(f"{group}.{min(absent)}")
+    return type(schema)(**options)
+
+
+@contextmanager
+def culprit_named(config: MissionConfig, doing: str) -> Iterator[None]:
+    """Turn what goes wrong in the user's code, or in PyOD, into a `RunError` that says where.
+
+    Parameters
+    ----------
+    config
+        The mission's.
+    doing
+        What was going on, for the message.
+    """
+    try:
+        yield
+    except (UsageError, RunError):
+        raise
+    except Exception as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        for group in BUILT_IN:
+            options = getattr(config, group)
+            theirs = [frame for frame in frames if _is_of(group, options, frame.filename)]
+            if theirs:
+                reason = " ".join(f"{type(error).__name__}: {error}".split())
+                where = f"{Path(theirs[-1].filename).name}, line {theirs[-1].lineno}"
+                raise RunError(
+                    f"the {group} {method_label(options)} failed {doing}: {reason} ({where})"
+                ) from error
+        raise
+
+
+def _is_of(group: str, options: Any, filename: str) -> bool:
+    """Tell whether a file defines an own method, or belongs to PyOD where that is the detector."""
+    if isinstance(options, OWN):
+        return filename == _file(_load(group, options))
+    return isinstance(options, PyodConfig) and "pyod" in Path(filename).parts
+
+
+def _load(group: str, options: Any) -> Callable[..., Any]:
+    """Import an own method and check that it may be one of its group."""
+    name = f"{group}.function"
+    if not options.function:
+        kind = "Class" if group == "model" else "function"
+        raise UsageError(f"{group}=own needs {name}: write it as {name}=module.{kind}")
+    function = load(options.function, name)
+    if method_label(options) in METHODS[group]:
+        raise UsageError(
+            f"{name}={options.function} is called like a {group} of infoplan's: give it another "
+            "name, by which tables can tell them apart"
+        )
+    return function
+
+
+def _own_options(group: str, options: Any, function: Callable[..., Any]) -> dict[str, Any]:
+    """Resolve the options of an own method, and check that it can be called with them."""
+    resolved = resolve_options(function, options.options, f"{group}.options")
+    try:
+        inspect.signature(function).bind(*TAKES[group], **resolved)
+    except TypeError as error:
+        raise UsageError(
+            f"{group}.function={options.function} cannot be called as a {group} ({error}): "
+            f"it takes ({', '.join(TAKES[group])}, *, options ...)"
+        ) from error
+    return resolved
+
+
+def _file(function: Callable[..., Any]) -> str | None:
+    """File of the module that defines a function or class."""
+    return getattr(inspect.getmodule(function), "__file__", None)
+
+
+def _digest(function: Callable[..., Any]) -> str | None:
+    """SHA-256 of the file that defines a function or class; None if it has no file."""
+    file = _file(function)
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else None

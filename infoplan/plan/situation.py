@@ -1,0 +1,86 @@
+"""What a planner is given."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infoplan.plan.reward_maps import nearest_index
+from infoplan.robot import drive, inside
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where the robot is, what it may do, and what is known of the terrain.
+
+    Attributes
+    ----------
+    pose
+        x1, x2, heading, shape (3,).
+    std
+        The model's standard deviation at the nodes of the query grid, shape (rows, cols), terrain's
+        unit; row 0 at ymin, column 0 at xmin, the outer nodes on the borders.
+    outlier_density
+        Smoothed count of the flagged samples there, shape (rows, cols).
+    extent
+        xmin, xmax, ymin, ymax of the workspace.
+    speed
+        Distance a sample, workspace units.
+    samples_per_action
+        Samples along an action.
+    steering
+        Turn a sample of each action, radians, shape (A,); an action is an index into it.
+    visited
+        Where samples were taken so far, in order, shape (n, 2).
+    n_pilot
+        How many of them, the first ones, are the pilot's.
+    epoch
+        Number of this decision, from 1.
+    budget
+        Samples of the whole mission.
+    """
+
+    pose: Floats
+    std: Floats
+    outlier_density: Floats
+    extent: tuple[float, float, float, float]
+    speed: float
+    samples_per_action: int
+    steering: Floats
+    visited: Floats
+    n_pilot: int
+    epoch: int
+    budget: int
+
+    def drive(
+        self, actions: Sequence[int] | NDArray[np.integer], pose: Floats | None = None
+    ) -> Floats:
+        """Poses at the samples of some actions, shape (samples, 3), from this pose or another."""
+        start = self.pose if pose is None else pose
+        return drive(start, actions, self.steering, self.speed, self.samples_per_action)
+
+    def stays_inside(self, poses: Floats) -> bool:
+        """Tell whether all poses lie in the workspace or on its border."""
+        return all(inside(float(x), float(y), self.extent) for x, y, _ in poses)
+
+    def valid_actions(self, pose: Floats | None = None) -> list[int]:
+        """Actions that stay in the workspace, from this pose or another."""
+        return [
+            action
+            for action in range(len(self.steering))
+            if self.stays_inside(self.drive([action], pose))
+        ]
+
+    def reward(self, reward_map: Floats, poses: Floats) -> float:
+        """Sum of a map's values at the nodes nearest to some poses."""
+        rows, cols = reward_map.shape
+        xmin, xmax, ymin, ymax = self.extent
+        return float(
+            sum(
+                reward_map[nearest_index(y, ymin, ymax, rows), nearest_index(x, xmin, xmax, cols)]
+                for x, y, _ in poses
+            )
+        )
