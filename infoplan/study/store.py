@@ -21,10 +21,10 @@ import pyarrow.parquet as pq
 import yaml
 
 from infoplan.errors import RunError, UsageError
+from infoplan.methods import method_label
 from infoplan.study.identity import SCHEMA_VERSION, Run, digest
 
 if TYPE_CHECKING:
-    from infoplan.methods import method_label
 from infoplan.mission import CurveRow, Mission
 
 COLUMNS: dict[str, tuple[str, ...]] = {
