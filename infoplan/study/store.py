@@ -25,7 +25,7 @@ from infoplan.methods import method_label
 from infoplan.study.identity import SCHEMA_VERSION, Run, digest
 
 if TYPE_CHECKING:
-from infoplan.mission import CurveRow, Mission
+    from infoplan.mission import CurveRow, Mission
 
 COLUMNS: dict[str, tuple[str, ...]] = {
     "curves": (
