@@ -242,7 +242,7 @@ def replay(recording: Recording) -> Iterator[State]:
     State
         After the pilot and after each epoch.
     """
-    from threadpoolctl import threadpool_limits
+    from infoplan.threads import one_thread
 
     config, table, truth = recording.config, recording.samples, recording.truth
     # The mission looks at its map only at the query grid's nodes, which are stored.
@@ -251,7 +251,7 @@ def replay(recording: Recording) -> Iterator[State]:
     mission = Mission(config, terrain, recording.seed)
     mission.grid_truth = truth.ravel()
     # As many threads as in the run: the order of a sum decides its last digit.
-    with threadpool_limits(limits=1):
+    with one_thread():
         for epoch in range(len(recording.curve)):
             batch = _unjudged(table[table["epoch"] == epoch])
             mission.epoch = epoch

@@ -296,13 +296,13 @@ def _replay_seed(
 ) -> tuple[int, MissionTables, dict[str, Any]]:
     """Replay one mission in a worker, on one thread as it was flown."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
-    from threadpoolctl import threadpool_limits
+    from infoplan.threads import one_thread
 
     started, clock = datetime.now(UTC), time.perf_counter()
     samples, maps = (
         read_table(results_dir, name, source, seed).to_pandas() for name in ("samples", "maps")
     )
-    with threadpool_limits(limits=1):
+    with one_thread():
         mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
         tables = build_tables(run, mission, rows)
     footer = provenance() | {
