@@ -21,11 +21,11 @@ import pyarrow.parquet as pq
 import yaml
 
 from infoplan.errors import RunError, UsageError
+from infoplan.methods import method_label
 from infoplan.study.identity import SCHEMA_VERSION, Run, digest
 
 if TYPE_CHECKING:
-    from infoplan.methods import method_label
-from infoplan.mission import CurveRow, Mission
+    from infoplan.mission import CurveRow, Mission
 
 COLUMNS: dict[str, tuple[str, ...]] = {
     "curves": (
