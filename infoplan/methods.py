@@ -18,19 +18,8 @@ from infoplan.config import (
     OwnPlannerConfig,
     PyodConfig,
 )
-from infoplan.detect import DETECTORS
-from infoplan.detect.any_pyod import build
 from infoplan.errors import RunError, UsageError
-from infoplan.model import MODELS
 from infoplan.own import load, resolve_options
-from infoplan.plan import PLANNERS
-
-BUILT_IN: dict[str, dict[str, Any]] = {
-    "planner": PLANNERS,
-    "detector": DETECTORS,
-    "model": MODELS,
-}
-"""The methods of each group, by name."""
 
 OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig)
 
@@ -77,7 +66,7 @@ def find(group: str, options: Any) -> Callable[..., Any]:
         for item in fields(options)
         if item.name not in OF_THE_MISSION[group]
     }
-    return partial(BUILT_IN[group][options.name], **arguments)
+    return partial(_built_in(group)[options.name], **arguments)
 
 
 def method_label(options: Any) -> str:
@@ -113,13 +102,15 @@ def complete(config: MissionConfig) -> MissionConfig:
         detector does not go with the model.
     """
     completed = replace(config)
-    for group in BUILT_IN:
+    for group in METHODS:
         options = getattr(config, group)
         if isinstance(options, OWN):
             function = _load(group, options)
             arguments = _own_options(group, options, function)
             setattr(completed, group, replace(options, options=arguments))
     if isinstance(config.detector, PyodConfig):
+        from infoplan.detect.any_pyod import build
+
         build(config.detector.model, config.detector.contamination, config.detector.params, 0)
     conditioned = config.detector.name == "gp_residual" and isinstance(config.model, OwnModelConfig)
     if conditioned and not hasattr(_load("model", config.model), "weights_and_inverse"):
@@ -145,7 +136,7 @@ def stored_methods(config: MissionConfig) -> dict[str, dict[str, Any]]:
         of the file that defines it, so that a changed method is another run.
     """
     described = {}
-    for group in BUILT_IN:
+    for group in METHODS:
         options = getattr(config, group)
         described[group] = asdict(options) | {"name": method_label(options)}
         if isinstance(options, OWN):
@@ -203,7 +194,7 @@ def culprit_named(config: MissionConfig, doing: str) -> Iterator[None]:
         raise
     except Exception as error:
         frames = traceback.extract_tb(error.__traceback__)
-        for group in BUILT_IN:
+        for group in METHODS:
             options = getattr(config, group)
             theirs = [frame for frame in frames if _is_of(group, options, frame.filename)]
             if theirs:
@@ -213,6 +204,21 @@ def culprit_named(config: MissionConfig, doing: str) -> Iterator[None]:
                     f"the {group} {method_label(options)} failed {doing}: {reason} ({where})"
                 ) from error
         raise
+
+
+def _built_in(group: str) -> dict[str, Callable[..., Any]]:
+    """Methods of a group by name, imported only now: that takes a while."""
+    if group == "planner":
+        from infoplan.plan import PLANNERS
+
+        return PLANNERS
+    if group == "detector":
+        from infoplan.detect import DETECTORS
+
+        return DETECTORS
+    from infoplan.model import MODELS
+
+    return MODELS
 
 
 def _is_of(group: str, options: Any, filename: str) -> bool:

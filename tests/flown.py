@@ -5,7 +5,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from infoplan.config import Config, CopodConfig, DetectorConfig, ModelConfig, PlannerConfig
+from infoplan.config import Config, CopodConfig, DetectorConfig, GpConfig, TreeSearchConfig
 from infoplan.mission import Mission
 from infoplan.study.identity import identify
 from infoplan.study.provenance import provenance
@@ -22,9 +22,9 @@ def short_mission(
 ) -> Config:
     detectors = {"copod": CopodConfig(scope=scope)}
     return Config(
-        planner=PlannerConfig(name=planner, iterations=20),
+        planner=TreeSearchConfig(name=planner, iterations=20),
         detector=detectors.get(detector, DetectorConfig(name=detector)),
-        model=ModelConfig(pilot_iterations=20, iterations=2),
+        model=GpConfig(pilot_iterations=20, iterations=2),
         rho=rho,
         budget=budget,
         grid=[12, 14],

@@ -18,6 +18,7 @@ from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotrf, dpotri, dtfttr, dtrttf
 from scipy.special import gammaln
 
+from infoplan.errors import RunError
 from infoplan.model.gp import GaussianProcess
 from infoplan.model.kernel import fill_covariance, fill_cross_covariance, gradient_sums
 from infoplan.model.likelihood import parameters
@@ -30,7 +31,7 @@ _TOLERANCE = 1e-9
 _SLOW = 0.3
 _MOST_FACTORISATIONS = 100
 _MOST_HALVINGS = 30
-_FIRST_JITTER = 1e-10
+_FIRST_JITTER, _MOST_JITTER = 1e-10, 1e3
 # Query points a triangular solve: larger blocks take more memory, smaller ones more time.
 _BLOCK = 512
 
@@ -114,7 +115,8 @@ class _Curved:
     covariance : ndarray of shape (n, n)
         K, jitter included.
     curvature : ndarray of shape (n,)
-        W, minus the second derivatives of the log likelihood; 0 at the sites `fixed`.
+        W, minus the second derivatives of the log likelihood; where K^-1 + W would not be positive
+        definite, which it is at a mode, the negative ones are 0.
     root : ndarray of shape (n,)
         sqrt(W) where the curvature is clearly positive, else 0.
     factor : ndarray of shape (n, n)
@@ -127,9 +129,6 @@ class _Curved:
         S, the covariance of the sites E under the curvature that is in B.
     update : ndarray of shape (m, m)
         P = W_E (I + S W_E)^-1: what E adds to the precision.
-    fixed : ndarray of bool, shape (n,)
-        Sites whose negative curvature was set to 0, because K^-1 + W would not be positive
-        definite with it.
     log_determinant : float
         Of I + K W.
     """
@@ -142,7 +141,6 @@ class _Curved:
     half: np.ndarray
     spread: np.ndarray
     update: np.ndarray
-    fixed: np.ndarray
     log_determinant: float
 
     def explained(self, vector: np.ndarray) -> np.ndarray:
@@ -270,11 +268,10 @@ class LaplaceLikelihood:
             return 0.0, np.zeros(4)
         mode = self._find(theta)
         variance, rates, _ = parameters(theta)
-        fixed, covariance = mode.curved.fixed, mode.curved.covariance
+        covariance = mode.curved.covariance
         precision, posterior_variance = _posterior(mode.curved)
         # How the value rises with the latent values, of which the mode is a function.
         pull = 0.5 * posterior_variance * self._third_derivative(mode, theta)
-        pull[fixed] = 0.0
         moved = pull - precision @ (covariance @ pull)
         # a a^T + a u^T + u a^T - R, as the sums over w w^T minus an "inverse".
         precision += np.outer(moved, moved)
@@ -282,7 +279,6 @@ class LaplaceLikelihood:
         weights = mode.weights + moved
         pairs, first, second, trace = gradient_sums(self._x, rates, weights, packed)
         log_density, slope, curvature = self._scale_derivatives(mode, theta)
-        curvature[fixed] = 0.0
         gradient = [
             variance * (2.0 * pairs + trace),
             2.0 * variance * first,
@@ -331,26 +327,46 @@ class LaplaceLikelihood:
         """Return the mode under some hyperparameters, found already or not."""
         if self._mode is None or self._theta is None or not np.array_equal(theta, self._theta):
             self.jitter = self._configured_jitter
-            while (mode := self._search(theta)) is None:
+            while (mode := self._search_quietly(theta)) is None:
                 self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
+                if self.jitter > _MOST_JITTER:
+                    raise RunError(
+                        "The Student-t process cannot factorise its covariance: look for "
+                        "measurements beyond all others, or use model=gp."
+                    )
             self._mode, self._theta, self._weights = mode, theta.copy(), mode.weights
         return self._mode
 
+    def _search_quietly(self, theta: np.ndarray) -> _Mode | None:
+        """Search; huge data overflow, and then no factorisation succeeds."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._search(theta)
+
     def _search(self, theta: np.ndarray) -> _Mode | None:
-        """Find the mode from the last one, else from Gaussian noise; None if that failed."""
+        """Find the mode; None if a factorisation failed.
+
+        From the last one, whose neighbour it is; without one, the higher of those found from
+        Gaussian noise and from the prior's mean.
+        """
         covariance = self._covariance(theta)
-        start = self._weights
-        if start is None:
-            start = self._gaussian_weights(covariance, theta)
-        climbed = None if start is None else self._climb(covariance, theta, start)
-        if climbed is None:
+        starts = [self._weights]
+        if self._weights is None:
+            starts = [self._gaussian_weights(covariance, theta), np.zeros(self.n_data)]
+        best, highest = -np.inf, None
+        for start in starts:
+            climbed = None if start is None else self._climb(covariance, theta, start)
+            if climbed is None:
+                return None
+            height, weights = climbed
+            if height > best:
+                best, highest = height, weights
+        if highest is None:
             return None
-        height, weights = climbed
-        latent = covariance @ weights
+        latent = covariance @ highest
         curved = self._curve(covariance, theta, latent)
         if curved is None:
             return None
-        return _Mode(weights, latent, curved, height - 0.5 * curved.log_determinant)
+        return _Mode(highest, latent, curved, best - 0.5 * curved.log_determinant)
 
     def _covariance(self, theta: np.ndarray) -> np.ndarray:
         variance, rates, _ = parameters(theta)
@@ -442,11 +458,9 @@ class LaplaceLikelihood:
         square_root = _factorised(spread.copy())
         if square_root is None:
             return None
-        fixed = np.zeros(len(latent), dtype=bool)
         inner = _inner_factor(square_root, curvature[others])
         if inner is None:
-            fixed = curvature < 0.0
-            curvature = np.where(fixed, 0.0, curvature)
+            curvature = np.maximum(curvature, 0.0)
             inner = _inner_factor(square_root, curvature[others])
             assert inner is not None  # the identity plus squares
         flat = curvature[others]
@@ -461,7 +475,6 @@ class LaplaceLikelihood:
             half=half,
             spread=spread,
             update=np.diag(flat) - reduced.T @ reduced,
-            fixed=fixed,
             log_determinant=2.0 * float(log_roots),
         )
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from infoplan.config import Config, CopodConfig, DetectorConfig, MissionConfig, ModelConfig
+from infoplan.config import Config, CopodConfig, DetectorConfig, GpConfig, MissionConfig
 from infoplan.errors import RunError
 from infoplan.study.identity import config_from_science, identify
 from infoplan.terrain import Terrain
@@ -17,7 +17,7 @@ from infoplan.terrain import Terrain
         {},
         {"detector": DetectorConfig(name="best", scope="batch")},
         {"detector": CopodConfig(scope="historical", contamination=0.2, score="paper")},
-        {"model": ModelConfig(iterations="per_sample"), "grid": [7, 9], "rho": 0.05, "budget": 321},
+        {"model": GpConfig(iterations="per_sample"), "grid": [7, 9], "rho": 0.05, "budget": 321},
     ],
 )
 def test_the_science_of_a_run_gives_its_configuration(changes, volcano):
