@@ -11,7 +11,6 @@ from infoplan.errors import UsageError
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.terrain import Terrain, load_terrain
 from infoplan.terrain.surface import array_digest, checked_extent
-from infoplan.threads import one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,9 +105,8 @@ def fly(config: MissionConfig, seed: int = 0, terrain: Terrain | None = None) ->
 
         terrain = load_terrain(**vars(config.terrain))
         config = resolve(config, terrain)
-    with one_thread():
-        mission = Mission(config, terrain, seed)
-        return frames(mission, list(mission.run()))
+    mission = Mission(config, terrain, seed)
+    return frames(mission, list(mission.run()))
 
 
 def frames(mission: Mission, rows: "Sequence[CurveRow]") -> Frames:

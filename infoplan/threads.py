@@ -1,14 +1,18 @@
 """One thread a mission: the last bits of a product depend on how many share it."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
+from functools import cache
+from typing import Any
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Hold the numerical libraries of this process to one thread."""
+def one_thread() -> AbstractContextManager[Any]:
+    """Hold the numerical libraries of this process to one thread, inside a ``with``."""
+    return _controller().limit(limits=1)
+
+
+@cache
+def _controller() -> Any:
     import scipy.linalg  # noqa: F401 - a library that is loaded later would not be held
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import ThreadpoolController
 
-    with threadpool_limits(limits=1):
-        yield
+    return ThreadpoolController()

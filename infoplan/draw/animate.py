@@ -242,28 +242,24 @@ def replay(recording: Recording) -> Iterator[State]:
     State
         After the pilot and after each epoch.
     """
-    from infoplan.threads import one_thread
-
     config, table, truth = recording.config, recording.samples, recording.truth
     # The mission looks at its map only at the query grid's nodes, which are stored.
     extent = checked_extent(config.terrain.extent)
     terrain = Terrain(config.terrain.name, truth, extent, config.terrain.unit or "", "")
     mission = Mission(config, terrain, recording.seed)
     mission.grid_truth = truth.ravel()
-    # As many threads as in the run: the order of a sum decides its last digit.
-    with one_thread():
-        for epoch in range(len(recording.curve)):
-            batch = _unjudged(table[table["epoch"] == epoch])
-            mission.epoch = epoch
-            mission.observe(batch) if epoch else mission.start(batch)
-            row = mission.evaluate()
-            yield State(
-                row,
-                mission.samples,
-                mission.mean.reshape(mission.shape),
-                mission.latent_std.reshape(mission.shape),
-                mission.outlier_density(),
-            )
+    for epoch in range(len(recording.curve)):
+        batch = _unjudged(table[table["epoch"] == epoch])
+        mission.epoch = epoch
+        mission.observe(batch) if epoch else mission.start(batch)
+        row = mission.evaluate()
+        yield State(
+            row,
+            mission.samples,
+            mission.mean.reshape(mission.shape),
+            mission.latent_std.reshape(mission.shape),
+            mission.outlier_density(),
+        )
 
 
 def difference_from_curve(states: Sequence[State], recording: Recording) -> str:

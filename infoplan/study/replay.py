@@ -294,17 +294,15 @@ def replay_run(
 def _replay_seed(
     results_dir: Path, source: str, run: Run, seed: int
 ) -> tuple[int, MissionTables, dict[str, Any]]:
-    """Replay one mission in a worker, on one thread as it was flown."""
+    """Replay one mission in a worker."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
-    from infoplan.threads import one_thread
 
     started, clock = datetime.now(UTC), time.perf_counter()
     samples, maps = (
         read_table(results_dir, name, source, seed).to_pandas() for name in ("samples", "maps")
     )
-    with one_thread():
-        mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
-        tables = build_tables(run, mission, rows)
+    mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
+    tables = build_tables(run, mission, rows)
     footer = provenance() | {
         "started": started.isoformat(timespec="milliseconds"),
         "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
