@@ -13,7 +13,7 @@ from typing import Any
 from infoplan.config import DetectorConfig, MissionConfig, TerrainConfig, with_values
 from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import NUMERICS_VERSION, Run
-from infoplan.study.progress import COMPILING, Address, reporter
+from infoplan.study.progress import COMPILING, Address, Report, reporter
 from infoplan.study.provenance import provenance
 from infoplan.study.store import MissionTables, build_tables
 
@@ -53,8 +53,8 @@ class Outcome:
         Of one that did not: in a line.
     failure
         The same with its traceback.
-    died
-        Its worker died, so that the mission itself may be without fault.
+    again
+        Its worker died, and the mission has a try left.
     """
 
     task: Task
@@ -63,22 +63,22 @@ class Outcome:
     footer: dict[str, Any] = field(default_factory=dict)
     reason: str = ""
     failure: str = ""
-    died: bool = False
+    again: bool = False
 
 
-def fly(task: Task, address: Address | None) -> Outcome:
+def fly(task: Task, report: Report | None = None) -> Outcome:
     """Fly one mission, on one thread, and return its tables or what went wrong.
 
     Parameters
     ----------
     task
         The mission.
-    address
-        Where a display listens on this machine; None if nowhere.
+    report
+        Called with 0 and None at the start, then with (samples collected, RMSE) after each epoch.
     """
+    report = report or (lambda collected, rmse: None)
     os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
     started, clock = datetime.now(UTC), time.perf_counter()
-    report = reporter(address, task.number)
     report(0, None)
     try:
         _check_version(task.run)
@@ -101,6 +101,23 @@ def fly(task: Task, address: Address | None) -> Outcome:
     except Exception as error:
         return failed(task, error, time.perf_counter() - clock)
     return Outcome(task, time.perf_counter() - clock, tables, footer)
+
+
+def fly_here(task: Task, address: Address | None) -> Outcome:
+    """Fly a mission in a process on this machine, and report to the display at an address."""
+    return fly(task, reporter(address, task.number))
+
+
+def fly_on_dask(task: Task, topic: str) -> Outcome:
+    """Fly a mission on a Dask worker, and report through Dask's events."""
+    from distributed import get_worker
+
+    worker = get_worker()
+
+    def report(collected: int, rmse: float | None) -> None:
+        worker.log_event(topic, {"mission": task.number, "collected": collected, "rmse": rmse})
+
+    return fly(task, report)
 
 
 def failed(task: Task, error: BaseException, seconds: float = 0.0) -> Outcome:

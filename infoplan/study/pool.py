@@ -11,6 +11,7 @@ import signal
 import threading
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker as multiprocessing_tracker
@@ -20,8 +21,16 @@ from typing import Any, Protocol
 
 from infoplan.config import MissionConfig
 from infoplan.errors import RunError, UsageError
-from infoplan.study.flight import ONE_THREAD, Outcome, Task, failed, fly, get_ready
-from infoplan.study.progress import Address
+from infoplan.study.flight import (
+    ONE_THREAD,
+    Outcome,
+    Task,
+    failed,
+    fly_here,
+    fly_on_dask,
+    get_ready,
+)
+from infoplan.study.progress import Address, Report, reporter
 
 TRIES = 2
 """How often a mission is started whose worker dies each time."""
@@ -30,6 +39,9 @@ STOPPING = [signal.SIGINT, signal.SIGTERM] + [
     getattr(signal, name) for name in ("SIGHUP",) if hasattr(signal, name)
 ]
 """Signals by which a user or a batch system ends a study."""
+
+INNOCENT_LOSSES = 5
+"""How often Dask may lose a mission that it has not started, before it counts as failed."""
 
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 KILL_SECONDS = 1.0
@@ -42,9 +54,6 @@ Say = Callable[[str], None]
 
 class Pool(Protocol):
     """What the runner needs of a pool."""
-
-    tries: int
-    """How often a mission may be started before its worker's death counts as its failure."""
 
     def size(self) -> int:
         """Return how many missions may be under way at a time, now."""
@@ -112,8 +121,6 @@ def worker_count(n_jobs: int) -> int:
 class SequentialPool:
     """One mission after the other in this process, for debuggers and profilers."""
 
-    tries = 1
-
     def __init__(self, address: Address | None):
         self.address = address
         self.ended: list[Outcome] = []
@@ -128,7 +135,7 @@ class SequentialPool:
 
     def start(self, task: Task) -> None:
         """Fly a mission to its end."""
-        self.ended.append(fly(task, self.address))
+        self.ended.append(fly_here(task, self.address))
 
     def wait(self, seconds: float) -> list[Outcome]:
         """Return the missions flown since the last call."""
@@ -205,11 +212,10 @@ def serve(connection: Connection, lifeline: Connection) -> None:
 class ProcessPool:
     """Worker processes on this machine, replaced when they die."""
 
-    tries = TRIES
-
     def __init__(self, workers: int, address: Address | None):
         self.workers: list[Worker] = []
         self.limit, self.address = workers, address
+        self.deaths: Counter[int] = Counter()
 
     def size(self) -> int:
         """Return the number of workers."""
@@ -225,7 +231,7 @@ class ProcessPool:
     def start(self, task: Task) -> None:
         """Fly a mission on a free worker; one that is not ready yet gets it when it is."""
         for worker in [worker for worker in self.workers if worker.task is None]:
-            if worker.ready and not worker.send(fly, task, self.address):
+            if worker.ready and not worker.send(fly_here, task, self.address):
                 self._bury(worker)  # it died idle
                 continue
             worker.task = task
@@ -252,7 +258,7 @@ class ProcessPool:
             else:
                 worker.ready = True
                 if worker.task:
-                    worker.send(fly, worker.task, self.address)
+                    worker.send(fly_here, worker.task, self.address)
         return outcomes
 
     def close(self) -> None:
@@ -278,18 +284,18 @@ class ProcessPool:
         code = worker.end()
         if worker.task is None:
             return []
-        return [died(worker.task, _cause(code))]
+        self.deaths[worker.task.number] += 1
+        return [died(worker.task, _cause(code), self.deaths[worker.task.number])]
 
 
 class DaskPool:
     """A Dask cluster: the one whose scheduler is named, else one on this machine.
 
-    Every mission is a future of its own, so that a lost one takes no other with it. One whose
-    worker dies is started again by Dask's scheduler, as often as its option
-    ``distributed.scheduler.allowed-failures`` says; in a cluster on this machine that is once.
+    Every mission is a future of its own, so that a lost one takes no other with it. If a worker
+    dies, Dask starts its missions elsewhere, as often as the scheduler's option
+    ``distributed.scheduler.allowed-failures`` says, then gives up all that were assigned to the
+    worker; only those that had really been started have then used up a try.
     """
-
-    tries = 1
 
     def __init__(self, n_jobs: int, scheduler: str | None, address: Address | None, say: Say):
         try:
@@ -301,8 +307,11 @@ class DaskPool:
         # A scheduler that vanishes is told in one sentence, not in Dask's log.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         self.n_jobs, self.say = n_jobs, say
-        self.where = scheduler or "this machine"
-        self.address = None if scheduler else address
+        self.where, self.address = scheduler or "this machine", address
+        self.topic = f"infoplan-{uuid.uuid4().hex}"
+        self.starts: Counter[int] = Counter()
+        self.losses: Counter[int] = Counter()
+        self.reports: dict[int, Report] = {}
         self.flying: dict[str, tuple[Task, Any]] = {}
         self.ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.workers, self.asked, self.told = 0, -CLUSTER_SECONDS, False
@@ -320,6 +329,7 @@ class DaskPool:
                 f"no Dask scheduler answers at {self.where} ({error}): start one there with "
                 "`dask scheduler`, or leave scheduler= out for a cluster on this machine"
             ) from error
+        self.client.subscribe_topic(self.topic, self._hear)
 
     def size(self) -> int:
         """Return ``n_jobs``, or where that is -1 the threads that the cluster has now."""
@@ -333,7 +343,7 @@ class DaskPool:
 
     def get_ready(self, configs: list[MissionConfig], missions: int) -> None:
         """Compile the kernels on one worker; see that the workers have infoplan at all."""
-        future = self.client.submit(get_ready, configs, True, self.address, pure=False)
+        future = self.client.submit(get_ready, configs, True, None, pure=False)
         while not future.done():
             self.size()
             with suppress(TimeoutError):
@@ -348,7 +358,7 @@ class DaskPool:
     def start(self, task: Task) -> None:
         """Hand a mission to the cluster."""
         key = f"infoplan-{task.run.name}-{task.seed}-{uuid.uuid4().hex}"
-        future = self.client.submit(fly, task, self.address, key=key, pure=False)
+        future = self.client.submit(fly_on_dask, task, self.topic, key=key, pure=False)
         self.flying[key] = (task, future)
         future.add_done_callback(self.ended.put)
 
@@ -367,7 +377,7 @@ class DaskPool:
         if self.cluster is not None:
             for nanny in self.cluster.workers.values():
                 nanny.auto_restart = False
-                with suppress(OSError, AttributeError):  # dead already
+                with suppress(Exception):  # dead already
                     os.kill(nanny.process.pid, KILL)
         with suppress(Exception):  # the cluster may be gone
             self.client.cancel([future for _, future in self.flying.values()], force=True)
@@ -388,11 +398,24 @@ class DaskPool:
             )
         error = future.exception()
         if isinstance(error, KilledWorker):
-            return died(task, f"its worker died {error.allowed_failures + 1} times")
+            self.losses[task.number] += 1
+            # Lost without a start, it was only assigned to a worker that another one has killed;
+            # but not again and again.
+            guilty = self.losses[task.number] > INNOCENT_LOSSES
+            return died(task, "its worker died", TRIES if guilty else self.starts[task.number])
         if error is not None:
             return failed(task, error)
         outcome: Outcome = future.result()
         return outcome
+
+    def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
+        """Pass a worker's report on to the display, and count the starts."""
+        _, message = event
+        number = message["mission"]
+        if not message["collected"]:
+            self.starts[number] += 1
+            self.reports[number] = reporter(self.address, number)
+        self.reports[number](message["collected"], message["rmse"])
 
     def _asked(self, question: Callable[[], Any]) -> Any:
         try:
@@ -404,16 +427,18 @@ class DaskPool:
             ) from error
 
 
-def died(task: Task, reason: str) -> Outcome:
-    """Describe a mission whose worker died."""
-    return Outcome(task, reason=reason, failure=f"{reason}\n", died=True)
+def died(task: Task, reason: str, times: int) -> Outcome:
+    """Describe a mission whose worker has died, so many times now."""
+    if times > 1:
+        reason = f"{reason}, {times} times"
+    return Outcome(task, reason=reason, failure=f"{reason}\n", again=times < TRIES)
 
 
 def _local_cluster(workers: int) -> Any:
     import dask
     from distributed import LocalCluster
 
-    with dask.config.set({"distributed.scheduler.allowed-failures": TRIES - 1}):
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
         return LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

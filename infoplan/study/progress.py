@@ -2,7 +2,6 @@
 
 Workers tell how far they are by datagrams to a socket of the parent on this machine: no file, no
 shared state, and a worker that dies leaves nothing behind. A lost datagram costs one refresh.
-Workers elsewhere do not report; their missions are shown as under way.
 """
 
 import json
@@ -23,6 +22,8 @@ from rich.text import Text
 from infoplan.study.estimate import Clock, Kind, Pace, duration, wall_seconds
 
 Address = tuple[str, int]
+Report = Callable[[int, float | None], None]
+"""What a mission calls with the samples collected and the RMSE."""
 
 COMPILING = -1
 """Number that a worker reports instead of a mission's while it compiles the kernels."""
@@ -35,7 +36,7 @@ LINE_SECONDS = 5.0
 """Plain lines about missions under way appear at most this often."""
 
 
-def reporter(address: Address | None, mission: int) -> Callable[[int, float | None], None]:
+def reporter(address: Address | None, mission: int) -> Report:
     """Return the function by which a worker reports (samples collected, RMSE) of a mission."""
     if address is None:
         return lambda collected, rmse: None

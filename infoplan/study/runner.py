@@ -271,7 +271,6 @@ class Flight:
         self.waiting = deque(tasks)
         self.held: list[Task] = []
         self.locks: dict[int, Lock | None] = {}
-        self.tries: dict[int, int] = {}
         self.warned: set[str] = set()
         self.stopping = False
 
@@ -322,7 +321,6 @@ class Flight:
                 self.display.skip(task.number)
                 continue
             self.locks[task.number] = lock
-            self.tries[task.number] = self.tries.get(task.number, 0) + 1
             self.display.start(task.number)
             self.pool.start(task)
 
@@ -337,7 +335,7 @@ class Flight:
         try:
             if outcome.tables is not None:
                 self.store(outcome)
-            elif outcome.died and self.may_try_again(task):
+            elif outcome.again and not self.stopping:
                 # Later, when whatever has eaten the memory may be gone.
                 self.waiting.append(task)
                 self.display.wait(task.number)
@@ -352,10 +350,6 @@ class Flight:
             if lock:
                 lock.release()
 
-    def may_try_again(self, task: Task) -> bool:
-        """Whether a mission whose worker died has a try left."""
-        return self.tries[task.number] < self.pool.tries and not self.stopping
-
     def store(self, outcome: Outcome) -> None:
         """Write the tables of a mission that ended well."""
         task, tables = outcome.task, outcome.tables
@@ -369,14 +363,11 @@ class Flight:
     def record_failure(self, outcome: Outcome) -> None:
         """Show a failure and keep its traceback; with ``on_error=stop`` start nothing more."""
         task, label = outcome.task, self.display.lines[outcome.task.number].label
-        reason, details = outcome.reason, outcome.failure
-        if outcome.died and self.tries[task.number] > 1:
-            reason = details = f"{reason}, for the second time"
-        self.display.fail(task.number, reason)
+        self.display.fail(task.number, outcome.reason)
         when = datetime.now(UTC).isoformat(timespec="seconds")
-        text = f"{label}\n{when}\n{' '.join(sys.orig_argv)}\n\n{details}"
+        text = f"{label}\n{when}\n{' '.join(sys.orig_argv)}\n\n{outcome.failure}"
         path = save_failure(self.study.results_dir, task.run.name, task.seed, text)
-        self.study.failed.append((label, reason, path))
+        self.study.failed.append((label, outcome.reason, path))
         if self.config.on_error == "stop":
             self.stopping = True
             self.study.unstarted += len(self.waiting) + len(self.held)

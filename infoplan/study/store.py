@@ -5,6 +5,7 @@ curve last: a curve means that the mission is done. `inspect` tells whether what
 """
 
 import errno
+import hashlib
 import json
 import os
 import time
@@ -167,7 +168,7 @@ def list_foreign(results_dir: Path) -> list[Path]:
 def inspect(results_dir: Path, run: str, seed: int) -> Stored:
     """Look whether a mission is done and its three tables are whole, belong to it and together.
 
-    Every page of the tables is read and compared with its checksum, in about a millisecond.
+    All values are read and compared with their digest, in about two milliseconds.
     """
     if not table_path(results_dir, "curves", run, seed).is_file():
         return Stored("missing")
@@ -193,7 +194,7 @@ def inspect(results_dir: Path, run: str, seed: int) -> Stored:
 
 
 def read_table(results_dir: Path, table: str, run: str, seed: int) -> pa.Table:
-    """Read one table of a mission, its pages compared with their checksums.
+    """Read one table of a mission, its values compared with their digest.
 
     Raises
     ------
@@ -201,6 +202,18 @@ def read_table(results_dir: Path, table: str, run: str, seed: int) -> pa.Table:
         If the file is missing, damaged or none of infoplan's.
     """
     return _read(table_path(results_dir, table, run, seed))[0]
+
+
+def values_digest(table: pa.Table) -> str:
+    """SHA-256 of all names and values of a table, whatever way a file stores them."""
+    hashed = hashlib.sha256()
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        hashed.update(name.encode())
+        if pa.types.is_string(column.type):
+            hashed.update("\0".join(map(str, column.to_pylist())).encode())
+        else:
+            hashed.update(column.to_numpy().tobytes())
+    return hashed.hexdigest()
 
 
 def read_footer(path: Path) -> dict[str, Any]:
@@ -300,15 +313,16 @@ def save_mission(
         "configuration": run.science,
         **footer,
     }
-    metadata = {FOOTER: json.dumps(document).encode()}
     written: dict[Path, Path] = {}
     try:
         for name in ("samples", "maps", "curves"):
             path = table_path(results_dir, name, run.name, seed)
-            table: pa.Table = getattr(tables, name).replace_schema_metadata(metadata)
+            table: pa.Table = getattr(tables, name)
+            footer = {**document, "values_sha256": values_digest(table)}
+            table = table.replace_schema_metadata({FOOTER: json.dumps(footer).encode()})
             scratch = written[path] = _scratch(results_dir)
             with _told(path):
-                pq.write_table(table, scratch, write_page_checksum=True)
+                pq.write_table(table, scratch)
                 _flush(scratch)
         for path, scratch in written.items():
             with _told(path):
@@ -336,14 +350,15 @@ def save_failure(results_dir: Path, run: str, seed: int, text: str) -> Path:
 
 
 def _read(path: Path) -> tuple[pa.Table, dict[str, Any]]:
-    """Read a table and its footer, every page checked."""
+    """Read a table and its footer, and check its values."""
     again = "run its configuration again"
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
+        digest_now = values_digest(table)
     except FileNotFoundError as error:
         raise RunError(f"{path} is missing: {again}") from error
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, ValueError) as error:  # ValueError: mangled text
         number = getattr(error, "errno", None)
         reason = os.strerror(number) if number else "it is no whole Parquet file"
         raise RunError(f"{path} cannot be read ({reason}): {again}") from error
@@ -351,6 +366,8 @@ def _read(path: Path) -> tuple[pa.Table, dict[str, Any]]:
         footer = json.loads((table.schema.metadata or {})[FOOTER])
     except (KeyError, ValueError) as error:
         raise RunError(f"{path} is no table of infoplan's: {again}") from error
+    if footer.get("values_sha256") != digest_now:
+        raise RunError(f"{path} does not hold the values that were written: {again}")
     return table, footer
 
 

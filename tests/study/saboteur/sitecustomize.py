@@ -1,0 +1,59 @@
+"""Loaded by every Python that has this folder on its PYTHONPATH: missions that misbehave.
+
+SABOTAGE is a list of ``what:seed``, split by commas: ``raise`` an error, be killed (``kill``), be
+killed the first time only (``kill-once``, which notes in SABOTAGE_NOTES that it has been).
+SLOW is a number of seconds that every epoch takes longer.
+"""
+
+import importlib.abc
+import importlib.machinery
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+
+class Finder(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name != "infoplan.mission":
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(name, path)
+        execute = spec.loader.exec_module
+
+        def exec_module(module):
+            execute(module)
+            sabotage(module)
+
+        spec.loader.exec_module = exec_module
+        return spec
+
+
+def sabotage(module):
+    honest = module.Mission.run
+    plan = dict.fromkeys(filter(None, os.environ.get("SABOTAGE", "").split(",")))
+
+    def run(self):
+        for row in honest(self):
+            time.sleep(float(os.environ.get("SLOW", "0")))
+            if self.config.budget > 50 and row.epoch == 1:  # not the one that compiles
+                for what, _, seed in (entry.partition(":") for entry in plan):
+                    if int(seed) == self.seed:
+                        misbehave(what, self.seed)
+            yield row
+
+    module.Mission.run = run
+
+
+def misbehave(what, seed):
+    if what == "raise":
+        raise ArithmeticError(f"seed {seed} is sabotaged")
+    note = Path(os.environ.get("SABOTAGE_NOTES", "/nonexistent")) / f"killed-{seed}"
+    if what == "kill-once" and note.exists():
+        return
+    if what == "kill-once":
+        note.touch()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+sys.meta_path.insert(0, Finder())

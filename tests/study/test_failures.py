@@ -1,0 +1,115 @@
+"""A mission that raises, or whose worker is killed, costs no other mission."""
+
+import json
+from dataclasses import replace
+from io import StringIO
+
+import pytest
+from rich.console import Console
+from studies import OPTIONS, SABOTEUR, assert_same_numbers, curves, quick, study
+
+from infoplan.cli import main
+from infoplan.study.runner import run_study
+from infoplan.study.store import list_failures, list_missions
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """Tables of seven missions, flown in this process."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    study(quick(), folder, seeds=7, backend="sequential")
+    return folder
+
+
+@pytest.fixture
+def sabotage(monkeypatch, tmp_path):
+    """Make the missions of some seeds misbehave in all workers started from here on."""
+    monkeypatch.setenv("PYTHONPATH", SABOTEUR)
+    monkeypatch.setenv("SABOTAGE_NOTES", str(tmp_path))
+    return lambda plan: monkeypatch.setenv("SABOTAGE", plan)
+
+
+def seeds_done(folder):
+    return sorted(int(path.stem.removeprefix("seed=")) for path in curves(folder))
+
+
+@pytest.mark.parametrize(
+    ("backend", "jobs"), [("loky", 1), ("loky", 2), ("dask", 2)], ids=["one", "two", "dask"]
+)
+def test_others_finish_and_the_next_call_heals(backend, jobs, tmp_path, sabotage, undisturbed):
+    folder = tmp_path / "results"
+    sabotage("raise:1,kill:2,kill-once:4")
+    done, said = study(quick(), folder, seeds=7, n_jobs=jobs, backend=backend)
+    assert seeds_done(folder) == [0, 3, 4, 5, 6]
+    assert (done.computed, len(done.failed)) == (5, 2)
+    run = next(iter(list_missions(folder)))
+    assert list_failures(folder) == {run: [1, 2]}
+    assert f"{run} seed 1  FAILED: ArithmeticError: seed 1 is sabotaged" in said
+    assert f"{run} seed 2  FAILED: its worker died" in said
+    raised = (folder / "failures" / run / "seed=1.txt").read_text()
+    assert "Traceback" in raised
+    assert "misbehave(what, self.seed)" in raised
+    assert "worker died" in (folder / "failures" / run / "seed=2.txt").read_text()
+    # What raised is not tried again, what was killed is: once.
+    assert "seed 1  ArithmeticError" not in said
+    assert said.count("seed 2  its worker died") == said.count("seed 4  its worker died") == 1
+    assert "2 times" in said
+
+    sabotage("")
+    healed, _ = study(quick(), folder, seeds=7, backend="sequential")
+    assert (healed.computed, healed.kept, healed.failed) == (2, 5, [])
+    assert list_failures(folder) == {}
+    assert_same_numbers(folder, undisturbed)
+
+
+def test_a_failure_shows_in_the_closing_table_and_in_the_exit_status(
+    tmp_path, sabotage, capfd, monkeypatch
+):
+    sabotage("raise:1")
+    options = [*OPTIONS, "seeds=2", "n_jobs=1", f"results_dir={tmp_path}"]
+    assert main(["run", *options]) == 1
+    said = capfd.readouterr().out
+    shown, closing = said.split("RMSE in ft", 1)
+    assert "FAILED: ArithmeticError: seed 1 is sabotaged" in shown
+    assert "1 of 2" in closing
+    path = next(tmp_path.glob("failures/*/seed=1.txt"))
+    assert f"seed 1: ArithmeticError: seed 1 is sabotaged ({path})" in closing
+    assert "1 failed (the same command tries them again)" in closing
+    assert main(["status", "--json", f"results_dir={tmp_path}"]) == 0
+    (run,) = json.loads(capfd.readouterr().out)["runs"]
+    assert (run["done"], run["failed"], run["missing"]) == ([0], [1], [])
+    sabotage("")
+    assert main(["run", *options]) == 0
+    assert not path.exists()
+
+
+def test_a_mission_that_cannot_be_had_fails_alone(tmp_path):
+    """Memory that no machine has, in one of two configurations."""
+    configs = [
+        replace(quick(), seeds=1, n_jobs=2, grid=grid, results_dir=str(tmp_path))
+        for grid in ([2_000_000, 2_000_000], [12, 12])
+    ]
+    done = run_study(configs, Console(file=StringIO()))
+    assert done.computed == 1
+    ((label, reason, _),) = done.failed
+    assert label.endswith("seed 0")
+    assert "MemoryError" in reason
+
+
+def test_on_error_stop_starts_no_more(tmp_path, sabotage):
+    sabotage("raise:0,kill:1")
+    done, said = study(quick(), tmp_path, seeds=7, n_jobs=1, on_error="stop")
+    assert (done.computed, len(done.failed), done.unstarted) == (0, 1, 6)
+    assert "seed 0  FAILED" in said
+    sabotage("")
+    again, _ = study(quick(), tmp_path, seeds=3, backend="sequential", on_error="stop")
+    assert (again.computed, again.failed) == (3, [])
+
+
+def test_numbers_do_not_depend_on_workers(small, tmp_path):
+    ways = [("sequential", 1), ("loky", 1), ("loky", 2), ("dask", 2)]
+    folders = [tmp_path / f"{backend}-{jobs}" for backend, jobs in ways]
+    for (backend, jobs), folder in zip(ways, folders, strict=True):
+        done, _ = study(small, folder, seeds=4, n_jobs=jobs, backend=backend)
+        assert done.computed == 4
+        assert_same_numbers(folder, folders[0])
