@@ -85,8 +85,9 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
         from threadpoolctl import threadpool_limits
 
         from infoplan.mission import Mission
+        from infoplan.threads import one_thread
 
-        with threadpool_limits(limits=1):
+        with one_thread():
             mission = Mission(task.run.config, task.run.terrain, task.seed)
             rows = []
             for row in mission.run():
