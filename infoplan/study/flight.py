@@ -82,7 +82,6 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
     report(0, None)
     try:
         _check_version(task.run)
-        from threadpoolctl import threadpool_limits
 
         from infoplan.mission import Mission
         from infoplan.threads import one_thread
