@@ -1,10 +1,13 @@
 """Commands that make what is missing from the stored results."""
 
+import re
 import shlex
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
-from infoplan.analyse.tables import Selection, changed_options
+from infoplan.analyse.tables import Selection, changed_options, flatten
+from infoplan.config import TERRAIN_SCHEMAS, TerrainConfig, terrain_kind
 
 NOT_OPTIONS = ("terrain.name", "terrain.unit", "terrain.sha256", "numerics_version")
 """Parts of a stored configuration that the command line has no option for, or names otherwise."""
@@ -45,11 +48,7 @@ def study_command(selection: Selection) -> str:
 
 def _common(selection: Selection, copod: bool) -> dict[str, Any]:
     """Options that the runs of a selection share, where they are not the default."""
-    options: dict[str, Any] = {}
-    if selection.terrain.startswith("file-"):
-        options |= {"terrain": "file", "terrain.path": f"{selection.terrain[5:]}.npy"}
-    elif selection.terrain != "helens":
-        options["terrain"] = selection.terrain
+    options = _terrain_options(selection)
     for flat in selection.options.values():
         for name, value in changed_options(flat).items():
             if name not in NOT_OPTIONS and (copod or not name.startswith("detector.")):
@@ -60,6 +59,26 @@ def _common(selection: Selection, copod: bool) -> dict[str, Any]:
         options["seeds"] = len(seeds) if count else seeds
     if str(selection.results_dir) != "results":
         options["results_dir"] = selection.results_dir
+    return options
+
+
+def _terrain_options(selection: Selection) -> dict[str, Any]:
+    """Options that make the map of a selection; the name of a file is a guess."""
+    name, unit = selection.terrain, selection.unit
+    kind = terrain_kind(name)
+    options: dict[str, Any] = {} if kind == "helens" else {"terrain": kind}
+    if kind == "file":
+        stem = re.sub(r"-turned\d$", "", name.removeprefix("file-")).removesuffix(f"-{unit}")
+        options["terrain.path"] = f"{stem}.npy"
+    if f"-{unit}" in name or (kind in ("file", "own", "random_field") and unit != "m"):
+        options["terrain.unit"] = unit
+    schema = TERRAIN_SCHEMAS.get(kind, TerrainConfig)
+    default = flatten({"terrain": asdict(schema())})
+    for flat in selection.options.values():
+        for option, value in flat.items():
+            known = option in default or option.startswith("terrain.options.")
+            if known and option not in NOT_OPTIONS and value != default.get(option):
+                options[option] = value
     return options
 
 

@@ -2,14 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.errors import UsageError
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 Floats = NDArray[np.float64]
 Edges = tuple[float, float, float, float]
+
+TRUNCATED = 4.0
+"""Standard deviations after which a smoothing Gaussian ends."""
 
 MAX_NODES = 2**25
 """Most nodes that a map is read, resampled or made with: a quarter of a gigabyte of doubles."""
@@ -137,20 +144,13 @@ def resampled(grid: Grid, shape: Sequence[int]) -> Grid:
     UsageError
         If that is too many nodes.
     """
-    from scipy.ndimage import gaussian_filter, zoom
-
     rows, columns = shape
     if rows * columns > MAX_NODES:
         raise UsageError(
             f"terrain.shape={[rows, columns]} has more than {MAX_NODES} nodes: ask for fewer"
         )
-    old = grid.elevation.shape
-    spread = [max(0.0, (before / after - 1) / 2) for before, after in zip(old, shape, strict=True)]
-    smooth = gaussian_filter(grid.elevation, spread, mode="mirror")
-    factors = [after / before for before, after in zip(old, shape, strict=True)]
-    # grid_mode: a node stands for an area, so that the outer edges stay where they are.
-    elevation = zoom(smooth, factors, order=1, mode="mirror", grid_mode=True)
-    return replace(grid, elevation=elevation)
+    along_y, along_x = map(_resampling, grid.elevation.shape, shape)
+    return replace(grid, elevation=(along_x @ (along_y @ grid.elevation).T).T)
 
 
 def cropped(grid: Grid, crop: Sequence[int]) -> Grid:
@@ -212,3 +212,25 @@ def turned(elevation: Floats, orientation: int) -> Floats:
 
 def _span(start: int, end: int, size: int) -> tuple[int, int]:
     return (start + size if start < 0 else start), (end + size if end < 0 else end)
+
+
+def _resampling(old: int, new: int) -> "csr_array":
+    """Matrix, shape (new, old), that smooths and interpolates along one axis.
+
+    Only the smoothed elevations that the interpolation needs are computed.
+    """
+    from scipy.sparse import csr_array
+
+    spread = max(0.0, (old / new - 1) / 2)
+    reach = int(TRUNCATED * spread + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (spread or 1.0)) ** 2)
+    weights /= weights.sum()
+    # A node stands for an area: the outer edges of old and new nodes are the same.
+    place = (np.arange(new) + 0.5) * (old / new) - 0.5
+    before = np.floor(place)
+    share = (place - before)[:, None]
+    taps = (1 - share) * np.append(weights, 0.0) + share * np.append(0.0, weights)
+    index = np.abs(before[:, None].astype(int) + np.arange(-reach, reach + 2)) % (2 * (old - 1))
+    index = np.minimum(index, 2 * (old - 1) - index)
+    rows = np.repeat(np.arange(new), taps.shape[1])
+    return csr_array((taps.ravel(), (rows, index.ravel())), shape=(new, old))

@@ -119,16 +119,21 @@ def _check_dataset(dataset: Any, file: Path, what: str, coarsen: bool) -> None:
             f"{MAX_NODES} that are read as they are: give terrain.shape=[rows,columns] to have it "
             "coarsened"
         )
-    if nodes <= MAX_NODES:
-        check_shape((dataset.height, dataset.width), what)
+    check_shape(_shape_read(dataset), what)
+
+
+def _shape_read(dataset: Any) -> tuple[int, int]:
+    """Rows and columns after coarsening: few enough, by square blocks as small as possible."""
+    block = math.isqrt(math.ceil(dataset.height * dataset.width / MAX_NODES) - 1) + 1
+    return math.ceil(dataset.height / block), math.ceil(dataset.width / block)
 
 
 def _read(dataset: Any) -> Floats:
     from rasterio.enums import Resampling
 
-    block = math.isqrt(math.ceil(dataset.height * dataset.width / MAX_NODES) - 1) + 1
-    shape = (math.ceil(dataset.height / block), math.ceil(dataset.width / block))
-    stored = dataset.read(1, masked=True, out_shape=shape, resampling=Resampling.average)
+    stored = dataset.read(
+        1, masked=True, out_shape=_shape_read(dataset), resampling=Resampling.average
+    )
     elevation = stored.astype(np.float64).filled(np.nan)
     return elevation * dataset.scales[0] + dataset.offsets[0]
 

@@ -70,7 +70,7 @@ def test_the_seeds_are_those_of_the_others(tmp_path, seeds, word):
     ("terrain", "expected"),
     [
         ("volcano", {"terrain=volcano"}),
-        ("file-hills", {"terrain=file", "terrain.path=hills.npy"}),
+        ("file-hills", {"terrain=file", "terrain.path=hills.npy", "terrain.unit=ft"}),
         ("helens", set()),
     ],
 )
@@ -79,6 +79,36 @@ def test_the_terrain_is_that_of_the_others(tmp_path, terrain, expected):
     command = study_command(find_study(tmp_path))
     assert {word for word in words(command) if word.startswith("terrain")} == expected
     assert command.startswith("infoplan run -m experiment=fig5 ")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "expected"),
+    [
+        ("volcano-turned3", {"orientation": 3}, {"terrain=volcano", "terrain.orientation=3"}),
+        ("jacksboro-ft", {}, {"terrain=jacksboro", "terrain.unit=ft"}),
+        (
+            "random_field-seed4",
+            {"seed": 4, "lengthscale": [9.0, 6.0], "amplitude": 300.0, "unit": "m"},
+            {"terrain=random_field", "terrain.seed=4", "terrain.lengthscale=[9,6]"},
+        ),
+        (
+            "file-hills-ft-turned5",
+            {"orientation": 5, "crop": [1, 9, 0, 8], "shape": None, "nodata": "refuse"},
+            {"terrain=file", "terrain.path=hills.npy", "terrain.unit=ft", "terrain.orientation=5",
+             "terrain.crop=[1,9,0,8]"},
+        ),
+        (
+            "own-ridges",
+            {"function": "mine.ridges", "options": {"height": 3.0}, "unit": "m"},
+            {"terrain=own", "terrain.function=mine.ridges", "terrain.options.height=3"},
+        ),
+    ],
+)  # fmt: skip
+def test_the_terrain_s_own_options_are_those_of_the_others(tmp_path, name, options, expected):
+    changes = {f"terrain__{option}": value for option, value in options.items()}
+    made_tables.store(tmp_path, "uct-none", terrain=name, **changes)
+    command = study_command(find_study(tmp_path))
+    assert {word for word in words(command) if word.startswith("terrain")} == expected
 
 
 def test_one_missing_run_has_its_command_and_several_the_study(tmp_path):

@@ -1,5 +1,7 @@
 """A terrain in words and as a picture."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -42,3 +44,11 @@ def test_picture_with_the_pilot_path(volcano, tmp_path):
     assert shown["elevation"].to_numpy() == pytest.approx(
         volcano.elevation_at(shown["x1"], shown["x2"])
     )
+
+
+def test_a_place_in_the_world_is_told_and_drawn(volcano, tmp_path):
+    placed = replace(volcano, world=(557820.0, 567600.0, 5107990.0, 5121980.0), crs="EPSG:26710")
+    assert described(placed)["world"] == "557820 to 567600, 5107990 to 5121980 EPSG:26710"
+    assert "world" not in described(volcano)
+    there = draw_terrain(placed, tmp_path / "placed").read_bytes()
+    assert there != draw_terrain(volcano, tmp_path / "plain").read_bytes()
