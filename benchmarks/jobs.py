@@ -148,11 +148,7 @@ def model(started: float, sizes: list[int]) -> dict[str, Any]:
     from benchmarks import gp
 
     n = sizes[-2]
-    iteration, prediction = gp.scikit_learn(n)
-    results: dict[str, Any] = {
-        "n": n,
-        "sklearn": {"iteration": iteration, "prediction": prediction},
-    }
+    results: dict[str, Any] = {"n": n, "sklearn": gp.scikit_learn(n)}
     for dtype in ("float64", "float32"):
         growth = gp.growth(sizes, dtype)
         results[dtype] = {

@@ -9,7 +9,7 @@ import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -79,12 +79,19 @@ def resident_mib() -> tuple[float, float]:
 def machine() -> dict[str, Any]:
     """Describe the machine, the libraries, and how busy it is."""
     packages = ("numpy", "scipy", "numba", "scikit-learn", "pyod", "torch", "pypolo")
+
+    def installed(name: str) -> str:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            return "not installed"
+
     return {
         "cpu": cpu_model(),
         "cores": len(os.sched_getaffinity(0)),
         "system": platform.platform(),
         "python": platform.python_version(),
-        "libraries": {name: version(name) for name in packages},
+        "libraries": {name: installed(name) for name in packages},
         "blas": blas_libraries(),
         "load_average": os.getloadavg(),
     }

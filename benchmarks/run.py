@@ -459,19 +459,20 @@ def main(arguments: list[str] | None = None) -> list[Line]:
     lines: list[Line] = []
     raw: dict[str, Any] = {}
     progress = Console(stderr=True)
+    chosen.json.parent.mkdir(parents=True, exist_ok=True)
     for name in chosen.only:
         progress.print(f"measuring: {name}")
         found, raw[name] = SECTIONS[name](scale)
         lines += found
-    document = {
-        "machine": described,
-        "load_average_after": os.getloadavg(),
-        "scale": asdict(scale),
-        "figures": [asdict(line) for line in lines],
-        "raw": raw,
-    }
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
-    chosen.json.write_text(json.dumps(document, indent=1) + "\n")
+        document = {
+            "machine": described,
+            "load_average_after": os.getloadavg(),
+            "scale": asdict(scale),
+            "figures": [asdict(line) for line in lines],
+            "raw": raw,
+        }
+        # After each section: what is measured is not lost when a later one fails.
+        chosen.json.write_text(json.dumps(document, indent=1) + "\n")
     console = Console(highlight=False, width=None if Console().is_terminal else 170)
     render(described, lines, console)
     console.print(f"all numbers: {chosen.json}")
