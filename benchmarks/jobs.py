@@ -81,25 +81,25 @@ def mission(
     }
 
 
-def whole_mission(started: float, budget: int = 2000) -> dict[str, Any]:
+def whole_mission(started: float, terrain: str, budget: int = 2000) -> dict[str, Any]:
     """Run the command for one mission: time from the start of the process, over the floor."""
-    import pandas as pd
+    import pyarrow.parquet
 
     from infoplan.cli import main
 
     with tempfile.TemporaryDirectory() as folder:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-            status = main(
-                ["run", "seeds=1", "n_jobs=1", f"budget={budget}", f"results_dir={folder}"]
-            )
+            options = [f"terrain={terrain}", f"budget={budget}", f"results_dir={folder}"]
+            status = main(["run", "seeds=1", "n_jobs=1", *options])
         wall, cpu = perf_counter() - started, process_time()
         assert status == 0
-        accepted = pd.read_parquet(Path(folder) / "curves")["accepted"].tolist()
+        table = pyarrow.parquet.read_table(Path(folder) / "curves", columns=["accepted"])
 
     from benchmarks.measure import Seconds, product_rate
     from benchmarks.missions import configuration, floor_operations
 
     rate = product_rate()
+    accepted = table["accepted"].to_pylist()
     operations = floor_operations(configuration(budget=budget), accepted)
     spent, floor = Seconds(wall, cpu), Seconds(operations / rate.wall, operations / rate.cpu)
     return {"seconds": spent, "rate": rate, "floor": floor, "over_floor": spent.over(floor)}
