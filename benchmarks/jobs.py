@@ -91,7 +91,9 @@ def whole_mission(started: float, terrain: str, budget: int = 2000) -> dict[str,
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
             options = [f"terrain={terrain}", f"budget={budget}", f"results_dir={folder}"]
             status = main(["run", "seeds=1", "n_jobs=1", *options])
-        wall, cpu = perf_counter() - started, process_time()
+        children = resource.getrusage(resource.RUSAGE_CHILDREN)
+        wall = perf_counter() - started
+        cpu = process_time() + children.ru_utime + children.ru_stime
         assert status == 0
         table = pyarrow.parquet.read_table(Path(folder) / "curves", columns=["accepted"])
 
@@ -125,19 +127,16 @@ def replays(started: float, budget: int = 2000, few: int = 3) -> dict[str, Any]:
 
 def worker_memory(started: float, budget: int = 2000) -> dict[str, float]:
     """Peak memory of a worker that flies a mission, above what its imports take."""
-    import joblib  # noqa: F401
-    import pyod.models.copod  # noqa: F401
-
-    import infoplan.mission  # noqa: F401
     from benchmarks.measure import resident_mib
     from benchmarks.missions import terrain
     from infoplan.config import Config
+    from infoplan.study.flight import Task, fly, get_ready
     from infoplan.study.identity import identify
-    from infoplan.study.runner import Task, fly
 
-    task = Task(identify(Config(budget=budget), terrain()), 0, 0)
+    run = identify(Config(budget=budget), terrain())
+    get_ready([run.config], False, None)
     imports, _ = resident_mib()
-    outcome = fly(task, None)
+    outcome = fly(Task(run, 0, 0), None)
     assert outcome.tables is not None, outcome.failure
     _, peak = resident_mib()
     return {"imports_mib": imports, "above_imports_mib": peak - imports}
