@@ -1,11 +1,12 @@
 """Time one search at the paper's settings: UCT and PUCT, against the plain-Python reference."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
+from benchmarks.measure import best
 from infoplan.plan import search
 from infoplan.robot import steering_angles
 
@@ -24,19 +25,17 @@ OPTIONS = {
 }
 
 
-def milliseconds(run, repeats):
-    """Return the median time of a call."""
-    times = []
-    for seed in range(repeats):
-        rng = np.random.default_rng(seed)
-        start = perf_counter()
-        run(rng)
-        times.append(1e3 * (perf_counter() - start))
-    return float(np.median(times))
+def milliseconds(run: Callable[[np.random.Generator], object], seeds: int, repeats: int) -> float:
+    """Return the median time of a search over several streams, each the best of some repeats."""
+    times = [
+        best(lambda seed=seed: run(np.random.default_rng(seed)), repeats).wall
+        for seed in range(seeds)
+    ]
+    return 1e3 * float(np.median(times))
 
 
-def main():
-    """Print and return ms a search and the ratio over the reference, for each planner."""
+def compare(seeds: int) -> dict[str, dict[str, float]]:
+    """Return ms a search and the ratio over the reference, for each planner."""
     results = {}
     for planner, objectives in (("uct", 1), ("puct", 2)):
         maps = np.random.default_rng(0).random((objectives, 50, 50))
@@ -51,15 +50,7 @@ def main():
         def plain(rng, settings=settings):
             return reference_search.search(settings, POSE, rng)
 
-        compiled(np.random.default_rng(0))  # compiles, or loads the cache
-        fast, slow = milliseconds(compiled, 201), milliseconds(plain, 5)
+        compiled(np.random.default_rng(0))  # loads the compiled kernels
+        fast, slow = milliseconds(compiled, 10 * seeds, 5), milliseconds(plain, seeds, 1)
         results[planner] = {"ms": fast, "reference_ms": slow, "ratio": slow / fast}
-        print(
-            f"{planner:5s} {fast:7.2f} ms a search, plain Python {slow:7.1f} ms: "
-            f"{slow / fast:.0f} times as fast"
-        )
     return results
-
-
-if __name__ == "__main__":
-    main()

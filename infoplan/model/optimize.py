@@ -4,7 +4,6 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
-from scipy.optimize import minimize
 
 Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
@@ -141,6 +140,9 @@ class Lbfgs:
         ndarray of shape (4,)
             The best theta evaluated. A value or gradient that is not finite ends the ascent.
         """
+        # Its import would cost a mission with Adam a tenth of a second and 20 MiB.
+        from scipy.optimize import minimize
+
         upper = np.minimum(upper, [np.inf, _FLAT, _FLAT, np.inf])
         scale = self._scale
         seen: list[tuple[float, np.ndarray, np.ndarray]] = []

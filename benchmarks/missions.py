@@ -1,0 +1,141 @@
+"""Missions to time: configurations, flights, their floor, and replays of the data of one."""
+
+from dataclasses import dataclass
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import infoplan.model.gp
+from benchmarks.measure import Seconds, timed
+from infoplan.config import (
+    CopodConfig,
+    DetectorConfig,
+    MissionConfig,
+    ModelConfig,
+    PlannerConfig,
+)
+from infoplan.mission import CurveRow, Mission
+from infoplan.model import GaussianProcess
+from infoplan.model.likelihood import Likelihood
+from infoplan.terrain import Terrain, find_helens, load_terrain
+
+
+def terrain() -> Terrain:
+    """Return the paper's map where it is on this machine, else the built-in one."""
+    return load_terrain("helens" if find_helens() else "volcano")
+
+
+def configuration(
+    planner: str = "puct",
+    detector: str = "copod",
+    *,
+    budget: int = 2000,
+    grid: tuple[int, int] = (50, 50),
+    **model: Any,
+) -> MissionConfig:
+    """Return the default configuration with some options changed."""
+    chosen = CopodConfig() if detector == "copod" else DetectorConfig(name=detector)
+    return MissionConfig(
+        planner=PlannerConfig(name=planner),
+        detector=chosen,
+        model=ModelConfig(**model),
+        budget=budget,
+        grid=list(grid),
+    )
+
+
+@dataclass
+class Flight:
+    """A flown mission, its rows and how long it took, without start-up."""
+
+    mission: Mission
+    rows: list[CurveRow]
+    seconds: Seconds
+
+
+def fly(config: MissionConfig, seed: int = 0) -> Flight:
+    """Fly a mission from its pilot to its budget."""
+    mission = Mission(config, terrain(), seed)
+    with timed() as spent:
+        rows = list(mission.run())
+    return Flight(mission, rows, spent)
+
+
+def floor_operations(config: MissionConfig, accepted: list[int]) -> float:
+    """Arithmetic of a mission with these numbers of data after the pilot and after each epoch.
+
+    An iteration is a Cholesky factor and an inverse, N^3; a prediction on M nodes is a factor of
+    the last hyperparameters and a triangular solve, N^3 / 3 + N^2 M.
+    """
+    n, nodes = np.array(accepted, dtype=float), float(np.prod(config.grid))
+    fits = config.model.iterations * np.sum(n[1:] ** 3)
+    return float(fits + np.sum(n**2 * nodes + n**3 / 3.0))
+
+
+def stages(flight: Flight) -> dict[str, float]:
+    """Wall seconds of each part of a mission."""
+    parts = {
+        part: sum(getattr(row, f"{part}_seconds") for row in flight.rows)
+        for part in ("plan", "fit", "predict", "detect")
+    }
+    return {**parts, "other": flight.seconds.wall - sum(parts.values())}
+
+
+Batch = tuple[np.ndarray, np.ndarray]
+
+
+def accepted_batches(mission: Mission) -> list[Batch]:
+    """Return the data that the model was given, epoch by epoch, the pilot first."""
+    samples = mission.samples
+    chosen = [(samples.epoch == epoch) & ~samples.flagged for epoch in range(mission.epoch + 1)]
+    return [(samples.x[take], samples.measured[take]) for take in chosen]
+
+
+@dataclass
+class Replay:
+    """A model taught the same data again: likelihood after each epoch, evaluations, time.
+
+    The likelihoods are those of the hyperparameters reached, in double precision.
+    """
+
+    likelihood: list[float]
+    evaluations: list[int]
+    seconds: Seconds
+
+
+class CountingLikelihood(Likelihood):
+    """A likelihood that counts its evaluations with gradient."""
+
+    evaluations = 0
+
+    def value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+        """Count and evaluate."""
+        self.evaluations += 1
+        return super().value_and_gradient(theta)
+
+
+def replay(batches: list[Batch], iterations: int, pilot_iterations: int, **model: Any) -> Replay:
+    """Teach a model the batches of a mission with some optimiser."""
+    result = Replay([], [], Seconds(0.0, 0.0))
+    with patch.object(infoplan.model.gp, "Likelihood", CountingLikelihood):
+        gp = GaussianProcess(*batches[0], **model)
+    counted = gp._likelihood
+    assert isinstance(counted, CountingLikelihood)
+    for epoch, batch in enumerate(batches):
+        with timed() as spent:
+            if epoch:
+                gp.append(*batch)
+            gp.optimize(iterations if epoch else pilot_iterations)
+        result.seconds.wall += spent.wall
+        result.seconds.cpu += spent.cpu
+        result.evaluations.append(counted.evaluations)
+        counted.evaluations = 0
+        result.likelihood.append(_double_precision_likelihood(gp))
+    return result
+
+
+def _double_precision_likelihood(gp: GaussianProcess) -> float:
+    likelihood = Likelihood(1e-6)
+    likelihood.set_data(gp._likelihood._x, gp._likelihood._y)
+    return likelihood.value(gp._theta)
