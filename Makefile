@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-browser check clean
+.PHONY: help run figures test test-long test-browser bench check clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -19,8 +19,14 @@ figures: $(VENV)/.installed ## run what is missing of the paper's Fig. 5, then d
 test: $(VENV)/.installed-dev ## set up and run the tests
 	$(BIN)/python -m pytest $(ARGS)
 
+test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes: kills, benchmarks, real elevation models
+	$(BIN)/python -m pytest -m long $(ARGS)
+
 test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
+
+bench: $(VENV)/.installed-bench ## set up and measure every speed figure (an hour; ARGS=--quick for a look)
+	$(BIN)/python -m benchmarks.run $(ARGS)
 
 check: $(VENV)/.installed-dev ## set up and run the linter and the type checker
 	$(BIN)/ruff check .
@@ -41,4 +47,8 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	touch $@ $(VENV)/.installed
