@@ -43,10 +43,7 @@ def small(command: str) -> list[str]:
     added = [
         f"{name}={value}"
         for name, value in SMALL.items()
-        if name not in said
-        and not (
-            name == "planner.iterations" and any(w.startswith(planners_without) for w in words)
-        )
+        if name not in said and not (no_tree and name == "planner.iterations")
     ]
     return words + added if words[0] == "run" else words
 
