@@ -7,7 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from infoplan.config import Config, CopodConfig, MissionConfig, TerrainConfig, options
+from infoplan.config import (
+    METHODS,
+    Config,
+    CopodConfig,
+    MissionConfig,
+    TerrainConfig,
+    options,
+    with_values,
+)
 from infoplan.mission import Mission
 from infoplan.terrain import load_terrain
 
@@ -89,11 +97,97 @@ CHANGES = {
 }
 
 
+PLANNER = {"planner.execute_actions": 1, "planner.smoothing": 6.0}
+DETECTOR = {"detector.scope": "historical"}
+MODEL = {"model.pilot_iterations": 10, "model.iterations": "per_sample"}
+NUMBERS_OF_THE_GP = {
+    "model.amplitude": 2.0,
+    "model.lengthscale": 0.3,
+    "model.noise_variance": 0.1,
+    "model.jitter": 1e-4,
+    "model.optimizer": "lbfgs",
+    "model.learning_rate": 0.05,
+    "model.min_noise_variance": 0.9,
+}
+OF_THE_CHOICE = {
+    ("planner", "uct"): {
+        "planner.iterations": 60,
+        "planner.rollouts": 1,
+        "planner.exploration": 2.0,
+        "planner.noisy_std": True,
+        **PLANNER,
+    },
+    ("planner", "weighted"): {
+        "planner.weight": 0.9,
+        "planner.iterations": 60,
+        "planner.rollouts": 1,
+        "planner.exploration": 2.0,
+        "planner.noisy_std": True,
+        **PLANNER,
+    },
+    ("planner", "greedy"): {"planner.actions": 2, "planner.noisy_std": True, **PLANNER},
+    ("planner", "lawnmower"): {
+        "planner.actions": 2,
+        "planner.spacing": 9.0,
+        "planner.lookahead": 1,
+        **PLANNER,
+    },
+    ("planner", "random"): {"planner.actions": 2, **PLANNER},
+    ("planner", "own"): {
+        "planner.options": {"actions": 1},
+        "planner.function": "own_methods.least_certain",
+        **PLANNER,
+    },
+    ("detector", "pyod"): {
+        "detector.model": "KNN",
+        "detector.features": ["x1", "x2", "y"],
+        "detector.contamination": 0.3,
+        "detector.params": {"n_neighbors": 2},
+        **DETECTOR,
+    },
+    ("detector", "gp_residual"): {
+        "detector.threshold": 0.5,
+        "detector.one_by_one": False,
+        **DETECTOR,
+    },
+    ("detector", "local"): {"detector.threshold": 1.0, "detector.neighbours": 4, **DETECTOR},
+    ("detector", "own"): {
+        "detector.options": {"share": 0.5},
+        "detector.function": "own_methods.low",
+        **DETECTOR,
+    },
+    ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **MODEL},
+    ("model", "own"): {
+        "model.options": {"width": 0.2},
+        "model.function": "own_methods.Rough",
+        **MODEL,
+    },
+}
+"""A change of every option of the choices that are not the default of their group."""
+
+OWN_FUNCTIONS = {"planner": "leftmost", "detector": "high", "model": "Smooth"}
+
+
 def base() -> Config:
     config = Config(budget=220, grid=[12, 12], rho=0.15, terrain=TerrainConfig(name="volcano"))
     config.planner = replace(config.planner, iterations=40)
     config.model = replace(config.model, pilot_iterations=30, iterations=3)
     config.detector = CopodConfig()
+    return config
+
+
+def base_of(group: str, choice: str) -> Config:
+    """A mission with a choice of a group; what its change needs to show is set."""
+    config = base()
+    options = copy.deepcopy(METHODS[group][choice])
+    if choice == "own":
+        options.function = f"own_methods.{OWN_FUNCTIONS[group]}"
+    if choice == "pyod":
+        options.model = "LOF"
+    setattr(config, group, options)
+    if group == "model":
+        config.model = replace(config.model, pilot_iterations=30, iterations=3)
+    config.planner = with_values(config.planner, iterations=40)
     return config
 
 
@@ -135,13 +229,46 @@ def test_every_scientific_option_is_tried_here():
     assert names == set(CHANGES)
 
 
-@pytest.mark.parametrize("name", CHANGES)
-def test_option_changes_the_mission(name):
-    before, after = base_numbers(), numbers(changed(base(), name, CHANGES[name]))
-    assert any(
-        one.shape != other.shape or not np.array_equal(one, other)
+def differ(before, after) -> bool:
+    return any(
+        one.shape != other.shape or not np.array_equal(one, other, equal_nan=True)
         for one, other in zip(before, after, strict=True)
     )
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_option_changes_the_mission(name):
+    assert differ(base_numbers(), numbers(changed(base(), name, CHANGES[name])))
+
+
+def test_every_option_of_every_choice_is_tried_here():
+    tried = {("planner", "puct"), ("detector", "copod"), ("model", "gp")}  # CHANGES
+    trivial = {("detector", "none"), ("detector", "best")}  # a scope that changes nothing
+    for group, choices in METHODS.items():
+        for choice, schema in choices.items():
+            names = {name for name, _, _ in options(schema, f"{group}.")} - {f"{group}.name"}
+            if (group, choice) not in tried | trivial:
+                assert names == set(OF_THE_CHOICE[group, choice]), (group, choice)
+
+
+@cache
+def numbers_of(group: str, choice: str) -> tuple[np.ndarray, ...]:
+    return tuple(numbers(base_of(group, choice)))
+
+
+@pytest.mark.parametrize(
+    ("group", "choice", "name"),
+    [(*pair, name) for pair, changes in OF_THE_CHOICE.items() for name in changes],
+)
+def test_option_of_a_choice_changes_the_mission(group, choice, name):
+    after = numbers(changed(base_of(group, choice), name, OF_THE_CHOICE[group, choice][name]))
+    assert differ(numbers_of(group, choice), after)
+
+
+@pytest.mark.parametrize(("group", "choice"), OF_THE_CHOICE)
+def test_the_choices_of_a_group_are_different_missions(group, choice):
+    assert differ(base_numbers(), numbers_of(group, choice))
+    assert not differ(numbers_of(group, choice), numbers(base_of(group, choice)))
 
 
 @pytest.mark.parametrize("rule", ["floor", "round"])

@@ -151,8 +151,10 @@ def pyod_judgement(
         If PyOD has no such class.
     """
     kind = _pyod_class(name)
-    spread = features.std(axis=0)
-    scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    scaled = np.zeros_like(features)
+    for column, values in enumerate(features.T):
+        if values.std() > np.finfo(float).eps * np.abs(values).max():
+            scaled[:, column] = (values - values.mean()) / values.std()
     seed = int(np.random.default_rng(sequence).integers(2**31 - 1))
     parameters = {**params, "contamination": contamination}
     if "random_state" in inspect.signature(kind).parameters:

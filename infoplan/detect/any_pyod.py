@@ -87,7 +87,8 @@ def feature_matrix(samples: Evidence, features: Sequence[str]) -> NDArray[np.flo
     chosen = np.column_stack([columns[name] for name in features])
     centred = chosen - chosen.mean(axis=0)
     deviation = centred.std(axis=0)
-    return centred / np.where(deviation > 0.0, deviation, 1.0)
+    varies = deviation > np.finfo(float).eps * np.abs(chosen).max(axis=0)
+    return np.where(varies, centred, 0.0) / np.where(varies, deviation, 1.0)
 
 
 def build(name: str, contamination: float, params: Mapping[str, Any], seed: int) -> Any:
@@ -116,8 +117,10 @@ def build(name: str, contamination: float, params: Mapping[str, Any], seed: int)
     """
     modules = _modules()
     if name not in modules:
+        # Most mistakes are of upper and lower case.
+        spelled = {known.lower(): known for known in modules}.get(name.lower(), name)
         raise UsageError(
-            f"detector.model={name} is no detector of PyOD{suggest(name, modules)}: "
+            f"detector.model={name} is no detector of PyOD{suggest(spelled, modules)}: "
             f"use one of {', '.join(sorted(modules))}"
         )
     try:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyod.models.copod import COPOD
 
-from infoplan.detect import DETECTORS
+from infoplan.detect import DETECTORS, Evidence
 
 values = st.lists(
     st.floats(-1e4, 1e4, allow_nan=False).map(lambda v: round(v, 2)), min_size=5, max_size=80
@@ -14,8 +14,16 @@ values = st.lists(
 
 
 def judge(name, y, is_outlier=None, **options):
-    labels = np.zeros(len(y), bool) if is_outlier is None else is_outlier
-    return DETECTORS[name](np.zeros((len(y), 2)), y, labels, **options)
+    nothing = np.zeros(len(y), bool)
+    samples = Evidence(
+        x=np.zeros((len(y), 2)),
+        measured=y,
+        epoch=np.zeros(len(y), int),
+        flagged=nothing,
+        judged=~nothing,
+        is_outlier=nothing if is_outlier is None else is_outlier,
+    )
+    return DETECTORS[name](samples, None, np.random.default_rng(0), **options)
 
 
 @settings(deadline=None)

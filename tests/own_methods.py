@@ -1,0 +1,38 @@
+"""Planners, detectors and models of a user's, two of each kind, for tests."""
+
+import numpy as np
+
+from infoplan.model import GaussianProcess
+
+
+def leftmost(situation, rng, *, actions: int = 3):
+    plan, pose = [], situation.pose
+    while len(plan) < actions and (valid := situation.valid_actions(pose)):
+        plan.append(valid[-1])
+        pose = situation.drive(plan[-1:], pose)[-1]
+    return plan
+
+
+def least_certain(situation, rng):
+    valid = situation.valid_actions()
+    ends = [situation.drive([action])[-1:] for action in valid]
+    rewards = [situation.reward(np.log(situation.std), end) for end in ends]
+    return [valid[int(np.argmax(rewards))]] if valid else []
+
+
+def high(samples, model, rng, *, share: float = 0.2):
+    return samples.measured > np.quantile(samples.measured, 1 - share), samples.measured
+
+
+def low(samples, model, rng):
+    return samples.measured < np.quantile(samples.measured, 0.2), -samples.measured
+
+
+class Smooth(GaussianProcess):
+    def __init__(self, x_pilot, y_pilot, *, width: float = 0.4):
+        super().__init__(x_pilot, y_pilot, lengthscale=width, noise_variance=0.1)
+
+
+class Rough(GaussianProcess):
+    def __init__(self, x_pilot, y_pilot):
+        super().__init__(x_pilot, y_pilot, lengthscale=0.05, noise_variance=0.1)
