@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from infoplan.config import CopodConfig, DetectorConfig
-from infoplan.detect import DETECTORS
+from infoplan.config import METHODS, CopodConfig, DetectorConfig, LocalConfig
+from infoplan.detect import DETECTORS, Evidence
+from infoplan.errors import RunError
 from infoplan.mission import Mission
 
 
@@ -56,7 +57,11 @@ def test_historical_scope_judges_everything_again(copod, volcano):
     copod.detector.scope = "historical"
     mission, rows = fly(copod, volcano)
     samples = mission.samples
-    flagged, score = DETECTORS["copod"](samples.x, samples.measured, samples.is_outlier)
+    nothing = np.zeros(len(samples), dtype=bool)
+    evidence = Evidence(
+        samples.x, samples.measured, samples.epoch, nothing, ~nothing, samples.is_outlier
+    )
+    flagged, score = DETECTORS["copod"](evidence, None, np.random.default_rng(0))
     np.testing.assert_array_equal(samples.flagged, flagged)
     np.testing.assert_array_equal(samples.score, score)
     for row in rows[1:]:
@@ -96,11 +101,99 @@ def test_epoch_scores_follow_their_definitions(copod, volcano):
     assert row.coverage95 == pytest.approx(np.mean(inside))
 
 
-def test_a_corner_does_not_hold_the_car(small, volcano):
+@pytest.mark.parametrize("planner", [name for name in METHODS["planner"] if name != "own"])
+def test_a_corner_does_not_hold_the_car(small, volcano, planner):
     # The pilot ends in a corner, heading out: the car turns on the spot until an action fits.
     small.pilot.control_points = [[0.3, 0.6], [0.9, 0.4], [1.0, 1.0]]
+    small.planner = METHODS["planner"][planner]
     mission, rows = fly(small, volcano)
     assert rows[-1].collected == 160
     x = mission.samples.x
     assert x.min() >= 0
     assert x.max() <= 50
+
+
+@pytest.mark.parametrize("planner", [name for name in METHODS["planner"] if name != "own"])
+def test_whole_actions_and_no_more_than_asked_for(small, volcano, planner):
+    small.planner = replace(METHODS["planner"][planner], execute_actions=2)
+    small.budget = 190
+    _, rows = fly(small, volcano)
+    sizes = np.diff([row.collected for row in rows])
+    assert set(sizes[:-1].tolist()) <= {10, 20}
+    assert sizes.sum() == 90
+
+
+def test_no_way_out_is_an_error_and_no_endless_loop(small, volcano):
+    # Not even half a side holds an action: `validate` refuses that, a mission alone must end.
+    small.robot = replace(small.robot, speed=9.0)
+    with pytest.raises(RunError, match="no action stays in the workspace, whatever the heading"):
+        fly(small, volcano)
+
+
+@pytest.mark.parametrize("scope", ["batch", "historical"])
+def test_what_a_detector_is_given(small, volcano, scope):
+    small.detector = LocalConfig(scope=scope, threshold=1.0)
+    small.budget = 260
+    mission, seen = Mission(small, volcano, 0), []
+    detector = mission.detector
+
+    def spy(samples, model, rng):
+        seen.append((samples, model.n_data, rng.random()))
+        return detector(samples, model, rng)
+
+    mission.detector = spy
+    rows = list(mission.run())
+    assert len(seen) == len(rows) - 1 > 1
+    assert len({drawn for *_, drawn in seen}) == len(seen)
+    for row, before, (samples, held, _) in zip(rows[1:], rows, seen, strict=False):
+        n = row.collected
+        whole = mission.samples
+        np.testing.assert_array_equal(samples.measured, whole.measured[:n])
+        np.testing.assert_array_equal(samples.x, whole.x[:n])
+        np.testing.assert_array_equal(samples.is_outlier, whole.is_outlier[:n])
+        new = samples.epoch == row.epoch
+        np.testing.assert_array_equal(samples.judged, new | (scope == "historical"))
+        assert held == before.accepted  # the model has not seen the batch
+        candidates = n if scope == "historical" else before.accepted + new.sum()
+        assert samples.candidates.sum() == candidates
+        with pytest.raises(ValueError, match="read-only"):
+            samples.measured[0] = 0.0
+    assert mission.samples.flagged.sum() > 0
+
+
+def test_what_a_planner_is_given(copod, volcano):
+    mission, seen = Mission(copod, volcano, 0), []
+    planner = mission.planner
+
+    def spy(situation, rng):
+        seen.append((situation, mission.latent_std.copy(), mission.outlier_density()))
+        return planner(situation, rng)
+
+    mission.planner = spy
+    rows = list(mission.run())
+    # One that turns on the spot is asked again in the same epoch.
+    assert sorted({situation.epoch for situation, *_ in seen}) == [row.epoch for row in rows[1:]]
+    for situation, std, density in seen:
+        n = rows[situation.epoch - 1].collected
+        np.testing.assert_array_equal(situation.visited, mission.samples.x[:n])
+        np.testing.assert_array_equal(situation.pose[:2], mission.samples.x[n - 1])
+        np.testing.assert_array_equal(situation.std.ravel(), std)
+        np.testing.assert_array_equal(situation.outlier_density, density)
+        assert situation.std.shape == (12, 12)
+        assert (situation.n_pilot, situation.budget) == (100, 240)
+        assert situation.extent == volcano.extent
+
+
+def test_accepted_counts_what_the_model_holds(copod, volcano):
+    for scope in ("batch", "historical"):
+        copod.detector.scope = scope
+        mission = Mission(copod, volcano, 0)
+        for row in mission.run():
+            assert row.accepted == mission.model.n_data
+
+
+def test_detectors_that_draw_are_repeated_by_their_seed(small, volcano):
+    small.detector = replace(METHODS["detector"]["pyod"], model="IForest", scope="historical")
+    scores = [fly(small, volcano, seed)[0].samples.score for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(scores[0], scores[1])
+    assert (scores[0] != scores[2]).any()

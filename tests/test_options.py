@@ -135,7 +135,8 @@ OF_THE_CHOICE = {
     ("planner", "random"): {"planner.actions": 2, **PLANNER},
     ("planner", "own"): {
         "planner.options": {"actions": 1},
-        "planner.function": "own_methods.least_certain",
+        "planner.function": "own_methods.leftmost",
+        "planner.noisy_std": True,
         **PLANNER,
     },
     ("detector", "pyod"): {
@@ -165,7 +166,7 @@ OF_THE_CHOICE = {
 }
 """A change of every option of the choices that are not the default of their group."""
 
-OWN_FUNCTIONS = {"planner": "leftmost", "detector": "high", "model": "Smooth"}
+OWN_FUNCTIONS = {"planner": "by_the_digits", "detector": "high", "model": "Smooth"}
 
 
 def base() -> Config:
@@ -184,6 +185,10 @@ def base_of(group: str, choice: str) -> Config:
         options.function = f"own_methods.{OWN_FUNCTIONS[group]}"
     if choice == "pyod":
         options.model = "LOF"
+    if choice == "gp_residual":
+        options.threshold = 1.0
+    if choice == "greedy":
+        config.robot = replace(config.robot, steering_angles=11, samples_per_action=20)
     setattr(config, group, options)
     if group == "model":
         config.model = replace(config.model, pilot_iterations=30, iterations=3)

@@ -1,0 +1,90 @@
+"""The audit repeats the detectors and models that were added to the paper's, and catches changes.
+
+That it holds for all of them, in every combination, is tried in tests/test_plugins.py.
+"""
+
+from dataclasses import replace
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from infoplan.analyse.audit import audit_mission
+from infoplan.config import METHODS
+from infoplan.mission import Mission
+from infoplan.study.identity import identify
+from infoplan.study.store import build_tables, save_mission, table_path
+
+
+def store(config, terrain, folder, **groups):
+    for group, (choice, changes) in groups.items():
+        setattr(config, group, replace(METHODS[group][choice], **changes))
+    config.model = replace(config.model, pilot_iterations=20, iterations=2)
+    config.budget, config.rho = 220, 0.15
+    run = identify(config, terrain)
+    mission = Mission(run.config, terrain, 2)
+    save_mission(folder, run, 2, build_tables(run, mission, list(mission.run())), {})
+    return run.name
+
+
+def touch(folder, table, name, column, change):
+    """Change the last value that there is in a column."""
+    path = table_path(folder, table, name, 2)
+    metadata = pq.read_schema(path).metadata
+    frame = pd.read_parquet(path, partitioning=None)
+    row = frame[column].last_valid_index()
+    frame.loc[row, column] = change(frame.loc[row, column])
+    touched = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(metadata)
+    pq.write_table(touched, path)
+
+
+def failing(folder, name):
+    return {finding.check for finding in audit_mission(folder, name, 2) if not finding.holds}
+
+
+DETECTORS = {
+    "forest": ("pyod", {"model": "IForest", "features": ["x1", "x2", "y"]}),
+    "neighbours": ("pyod", {"model": "KNN", "params": {"n_neighbors": 3}, "scope": "historical"}),
+    "residual": ("gp_residual", {"threshold": 2.0}),
+    "residual, all at once": ("gp_residual", {"threshold": 1.0, "one_by_one": False}),
+    "residual, historical": ("gp_residual", {"threshold": 2.0, "scope": "historical"}),
+    "local": ("local", {"threshold": 2.0}),
+    "local, historical": ("local", {"neighbours": 5, "scope": "historical"}),
+}
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_scores_and_flags_of_a_detector_are_repeated(small, volcano, tmp_path, detector):
+    name = store(small, volcano, tmp_path, detector=DETECTORS[detector])
+    assert failing(tmp_path, name) == set()
+    touch(tmp_path, "samples", name, "score", lambda score: score * 1.001)
+    assert failing(tmp_path, name) == {"scores"}
+    touch(tmp_path, "samples", name, "flagged", lambda flag: not flag)
+    assert failing(tmp_path, name) >= {"scores", "flags"}
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "check"),
+    [("curves", "lml", "final model"), ("maps", "mean", "final model"),
+     ("maps", "std", "final model"), ("curves", "noise_std", "final model")],
+)  # fmt: skip
+def test_the_student_t_process_is_recomputed(small, volcano, tmp_path, table, column, check):
+    name = store(small, volcano, tmp_path, model=("student_t", {"dof": 3.0}))
+    assert failing(tmp_path, name) == set()
+    touch(tmp_path, table, name, column, lambda value: value * 1.01)
+    assert check in failing(tmp_path, name)
+
+
+def test_what_cannot_be_repeated_is_passed_over(small, volcano, tmp_path):
+    name = store(
+        small, volcano, tmp_path,
+        detector=("own", {"function": "own_methods.high", "scope": "historical"}),
+        planner=("own", {"function": "own_methods.leftmost"}),
+    )  # fmt: skip
+    checks = {finding.check for finding in audit_mission(tmp_path, name, 2)}
+    assert failing(tmp_path, name) == set()
+    assert "scores" not in checks
+    assert {"flags", "confusion", "actions", "final model", "outlier density"} <= checks
+    touch(tmp_path, "samples", name, "used", lambda used: not used)
+    assert failing(tmp_path, name) >= {"flags"}
