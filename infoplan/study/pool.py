@@ -45,6 +45,7 @@ INNOCENT_LOSSES = 5
 
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 KILL_SECONDS = 1.0
+CLUSTER_TRIES = 3
 CONNECT_SECONDS = 20.0
 CLUSTER_SECONDS = 2.0
 """How often a Dask cluster is asked how many workers it has."""
@@ -343,16 +344,18 @@ class DaskPool:
 
     def get_ready(self, configs: list[MissionConfig], missions: int) -> None:
         """Compile the kernels on one worker; see that the workers have infoplan at all."""
+        from distributed import KilledWorker
+
         future = self.client.submit(get_ready, configs, True, None, pure=False)
         while not future.done():
             self.size()
             with suppress(TimeoutError):
                 future.exception(timeout=CLUSTER_SECONDS)
         error = future.exception()
-        if error is not None and "infoplan" in str(error):
+        if error is not None and not isinstance(error, KilledWorker):
             raise RunError(
-                f"the Dask workers at {self.where} cannot import infoplan ({error}): install the "
-                "same version there, on the scheduler too"
+                f"infoplan cannot be imported by the Dask cluster at {self.where} ({error}): "
+                "install the same version there, for the workers and the scheduler"
             ) from error
 
     def start(self, task: Task) -> None:
@@ -435,17 +438,26 @@ def died(task: Task, reason: str, times: int) -> Outcome:
 
 
 def _local_cluster(workers: int) -> Any:
+    """Start a cluster on this machine; a worker that dies meanwhile spoils an attempt."""
     import dask
     from distributed import LocalCluster
 
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
-        return LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            memory_limit=0,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
+        for attempt in range(CLUSTER_TRIES):
+            try:
+                return LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    memory_limit=0,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
+            except (RuntimeError, OSError) as error:
+                if attempt == CLUSTER_TRIES - 1:
+                    raise RunError(
+                        f"no Dask cluster can be started on this machine ({error}): lower n_jobs, "
+                        "or use backend=loky"
+                    ) from error
 
 
 def _cause(code: int | None) -> str:

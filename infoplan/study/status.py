@@ -174,7 +174,7 @@ def _print(found: Status, as_json: bool) -> None:
     if as_json:
         print(json.dumps(asdict(found), indent=2))
         return
-    console = wide_console()
+    console = wide_console(160)
     if not found.runs:
         console.print(f"there is no run in {found.results_dir} yet", soft_wrap=True)
     else:
@@ -191,11 +191,11 @@ def _table(found: Status) -> Table:
     table.add_column("run", no_wrap=True)
     for name in kept:
         table.add_column(name, justify="right", style="red" if name in ("failed", "broken") else "")
-    for name in ("last ended", "s a seed", "in all"):
-        table.add_column(name, justify="right")
+    for name in ("last (UTC)", "s a seed", "in all"):
+        table.add_column(name, justify="right", no_wrap=True)
     for run in found.runs:
         mean = f"{run.seconds / len(run.done):.1f}" if run.done else ""
-        ended = run.last[:16].replace("T", " ") + " UTC" if run.last else ""
+        ended = run.last[:16].replace("T", " ") if run.last else ""
         table.add_row(run.run, *(spans(getattr(run, name)) for name in kept), ended, mean,
                       duration(run.seconds) if run.done else "")  # fmt: skip
     return table

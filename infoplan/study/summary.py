@@ -40,10 +40,10 @@ class Curve:
         return float(sum(self[name].sum() for name in self.columns if name.endswith("_seconds")))
 
 
-def wide_console() -> Console:
-    """Return the console of a run; without a terminal its lines are not cut at 80 characters."""
+def wide_console(width: int = 120) -> Console:
+    """Return the console of a command; without a terminal its lines are not cut so soon."""
     console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=120)
+    return console if console.is_terminal else Console(highlight=False, width=width)
 
 
 def print_summary(study: Study, console: Console) -> None:

@@ -67,14 +67,18 @@ def assert_same_numbers(one: Path, other: Path) -> None:
         pd.testing.assert_frame_equal(frame, second[name], check_exact=True)
 
 
+def environment(slow: float = 0.0, sabotage: str = "") -> dict[str, str]:
+    """Environment of a process whose missions are slow, or worse."""
+    return {**os.environ, "PYTHONPATH": SABOTEUR, "SLOW": str(slow), "SABOTAGE": sabotage}
+
+
 @contextmanager
 def started(folder: Path, *options: str, slow: float = 0.0, sabotage: str = "") -> Iterator:
     """Start the console command in a process group of its own; ended in any case."""
-    environment = {**os.environ, "PYTHONPATH": SABOTEUR, "SLOW": str(slow), "SABOTAGE": sabotage}
     command = [sys.executable, "-m", "infoplan.cli", "run", *OPTIONS, *options]
     process = subprocess.Popen(
-        [*command, f"results_dir={folder}"], env=environment, start_new_session=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        [*command, f"results_dir={folder}"], env=environment(slow, sabotage), text=True,
+        start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     try:
         yield process

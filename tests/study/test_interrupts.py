@@ -21,7 +21,7 @@ from studies import alive, assert_same_numbers, curves, family, quick, started, 
 def test_an_interrupted_study_goes_on_later(number, group, backend, tmp_path):
     folder, seeds = tmp_path / "results", 40
     # By itself it would take many times longer than the time-out below.
-    with started(folder, f"seeds={seeds}", "n_jobs=2", f"backend={backend}", slow=2) as process:
+    with started(folder, f"seeds={seeds}", "n_jobs=2", f"backend={backend}", slow=0.5) as process:
         until(lambda: family(process.pid) or backend == "sequential", process)
         if backend == "loky":
             until(lambda: curves(folder), process)

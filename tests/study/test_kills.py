@@ -2,6 +2,7 @@
 
 import random
 import signal
+from pathlib import Path
 
 import psutil
 import pytest
@@ -17,7 +18,10 @@ from studies import (
     workers,
 )
 
-SEEDS_A_KILL = 5
+SEEDS_A_KILL = 4
+SLOW = 0.2
+"""Seconds added to every epoch; a mission has four or more of them."""
+
 VICTIMS = ("parent", "worker", "dask worker")
 
 
@@ -29,8 +33,8 @@ def test_nothing_is_lost(kills, tmp_path):
         victim = VICTIMS[number % len(VICTIMS)]
         seeds = f"seeds={SEEDS_A_KILL * (number + 1)}"
         backend = "backend=dask" if victim == "dask worker" else "backend=loky"
-        with started(folder, seeds, backend, "n_jobs=2", slow=0.1) as process:
-            kill_one(process, victim, dice)
+        with started(folder, seeds, backend, "n_jobs=2", slow=SLOW) as process:
+            kill_one(process, folder, victim, dice)
             children = family(process.pid)
             output, _ = process.communicate(timeout=300)
         if victim == "parent":
@@ -49,12 +53,13 @@ def test_nothing_is_lost(kills, tmp_path):
     assert_same_numbers(folder, tmp_path / "undisturbed")
 
 
-def kill_one(process, victim: str, dice: random.Random) -> None:
-    """Kill the parent or a worker, at a random moment from the workers' birth on."""
+def kill_one(process, folder: Path, victim: str, dice: random.Random) -> None:
+    """Kill the parent or a worker, at a random moment between the workers' birth and the end."""
     until(lambda: len(workers(process.pid)) == 2, process)
-    moment = dice.uniform(0, 4)
+    before, finished = len(curves(folder)), dice.randrange(SEEDS_A_KILL - 2)
+    until(lambda: len(curves(folder)) >= before + finished, process)
     with pytest.raises(psutil.TimeoutExpired):
-        psutil.Process(process.pid).wait(moment)
+        psutil.Process(process.pid).wait(dice.uniform(0, 2 * SLOW))
     if victim == "parent":
         process.kill()
     else:

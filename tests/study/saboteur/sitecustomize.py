@@ -35,8 +35,11 @@ def sabotage(module):
 
     def run(self):
         for row in honest(self):
+            if self.config.budget < 100:  # the one that compiles
+                yield row
+                continue
             time.sleep(float(os.environ.get("SLOW", "0")))
-            if self.config.budget > 50 and row.epoch == 1:  # not the one that compiles
+            if row.epoch == 1:
                 for what, _, seed in (entry.partition(":") for entry in plan):
                     if int(seed) == self.seed:
                         misbehave(what, self.seed)

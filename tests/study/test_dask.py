@@ -1,0 +1,90 @@
+"""A Dask cluster that is somewhere else: a scheduler and workers in processes of their own."""
+
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from studies import assert_same_numbers, curves, environment, quick, started, study, until
+
+from infoplan.cli import main
+from infoplan.study import pool
+
+
+@contextmanager
+def process(module: str, *arguments: str, slow: float = 0.0):
+    command = [sys.executable, "-m", f"distributed.cli.dask_{module}", *arguments]
+    # Elsewhere: in another folder, and no file of the caller's is needed.
+    running = subprocess.Popen(
+        command, cwd="/", env=environment(slow), stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        yield running
+    finally:
+        running.kill()
+        running.wait()
+
+
+@contextmanager
+def scheduler(tmp_path: Path):
+    file = tmp_path / "scheduler.json"
+    with process("scheduler", "--scheduler-file", str(file), "--host", "127.0.0.1", "--port", "0",
+                 "--no-dashboard") as running:  # fmt: skip
+        until(file.exists)
+        yield file, running
+
+
+def worker(file: Path, slow: float = 0.0):
+    return process("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny",
+                   "--no-dashboard", slow=slow)  # fmt: skip
+
+
+def test_a_cluster_elsewhere_survives_its_workers(tmp_path):
+    folder = tmp_path / "results"
+    with (
+        scheduler(tmp_path) as (file, _),
+        worker(file, slow=0.5) as first,
+        started(folder, "seeds=4", "backend=dask", f"scheduler={file}") as run,
+    ):
+        until(lambda: curves(folder), run)
+        first.kill()
+        with worker(file):
+            said, _ = run.communicate(timeout=300)
+            assert run.returncode == 0, said
+    assert "of 160 samples" in said or "4 missions computed" in said
+    study(quick(), tmp_path / "undisturbed", seeds=4, backend="sequential")
+    assert_same_numbers(folder, tmp_path / "undisturbed")
+
+
+def test_a_scheduler_that_vanishes_ends_the_study_in_one_sentence(tmp_path):
+    folder = tmp_path / "results"
+    with (
+        scheduler(tmp_path) as (file, running),
+        worker(file, slow=0.5),
+        started(folder, "seeds=9", "backend=dask", f"scheduler={file}") as run,
+    ):
+        until(lambda: curves(folder), run)
+        running.kill()
+        said, _ = run.communicate(timeout=300)
+        assert run.returncode == 1
+    assert said.splitlines()[-1].startswith(f"infoplan: the Dask scheduler at {file}")
+    assert "what is finished is kept" in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "foo://127.0.0.1:9", "127.0.0.1:9"])
+def test_no_scheduler_is_one_sentence(address, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(pool, "CONNECT_SECONDS", 1.0)
+    line = ["terrain=volcano", "backend=dask", f"scheduler={address}", f"results_dir={tmp_path}"]
+    assert main(["run", *line]) == 1
+    said = capfd.readouterr().err
+    assert f"infoplan: no Dask scheduler answers at {address}" in said
+    assert "Traceback" not in said
+
+
+def test_dask_that_is_not_installed_is_a_usage_error(tmp_path, capfd, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert main(["run", "terrain=volcano", "backend=dask", f"results_dir={tmp_path}"]) == 2
+    assert "pip install 'infoplan[dask]'" in capfd.readouterr().err

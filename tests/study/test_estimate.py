@@ -1,0 +1,103 @@
+"""How long a study takes, judged by missions that are done and those under way."""
+
+import pytest
+from studies import quick, study
+
+from infoplan.study import estimate
+from infoplan.study.estimate import GROWTH, Clock, Kind, Pace, duration, kind_of, wall_seconds
+from infoplan.study.identity import identify
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Set the time that the estimates see."""
+    now = [100.0]
+    monkeypatch.setattr(estimate.time, "monotonic", lambda: now[0])
+
+    def advance(seconds):
+        now[0] += seconds
+
+    return advance
+
+
+def test_a_kind_that_is_known_takes_its_mean():
+    pace, kind, other = Pace(), Kind("a", 8.0), Kind("b", 8.0)
+    assert pace.seconds(kind) is None
+    for seconds in (2.0, 4.0):
+        pace.add(kind, seconds)
+    pace.add(other, 100.0)
+    assert pace.seconds(kind) == 3.0
+    assert pace.of_kind(Kind("c", 8.0)) is None
+
+
+def test_another_kind_is_scaled_from_the_nearest():
+    pace = Pace()
+    pace.add(Kind("small", 1.0), 50.0)
+    pace.add(Kind("large", 100.0), 10.0)
+    pace.add(Kind("large too", 100.0), 20.0)
+    assert pace.seconds(Kind("larger", 200.0)) == pytest.approx(30.0)
+    assert pace.seconds(Kind("tiny", 0.5)) == pytest.approx(25.0)
+
+
+def test_rho_and_map_do_not_make_another_kind(small, volcano):
+    from dataclasses import replace
+
+    base = kind_of(identify(small, volcano).science)
+    assert kind_of(identify(replace(small, rho=0.3), volcano).science) == base
+    assert kind_of(identify(small, replace(volcano, sha256="1" * 64)).science) == base
+    more = kind_of(identify(replace(small, budget=320), volcano).science)
+    assert more.work == pytest.approx(base.work * 2**GROWTH)
+    model = replace(small.model, iterations=9)
+    assert kind_of(identify(replace(small, model=model), volcano).science) != base
+
+
+def test_stored_missions_teach_the_pace(tmp_path):
+    study(quick(), tmp_path, seeds=3, backend="sequential")
+    curve = next(tmp_path.glob("curves/*/seed=2.parquet"))
+    curve.write_bytes(b"broken")
+    pace = estimate.learn(tmp_path)
+    ((_, seconds),) = pace.measured.items()
+    assert len(seconds) == 2
+    assert all(value > 0 for value in seconds)
+
+
+def test_a_mission_under_way_is_judged_by_its_pace_after_the_pilot(clock):
+    mission = Clock(budget=1000)
+    assert mission.left(None) is None
+    assert mission.left(60.0) == 60.0
+    mission.report(0)
+    clock(7.0)  # imports and the pilot's fit
+    mission.report(100)
+    assert mission.total() is None
+    assert mission.left(60.0) == 53.0
+    work = 20.0 / (1 - 0.1**GROWTH)  # 20 s for all that follows the pilot
+    for collected in (200, 500, 800):
+        before = mission.latest[1]
+        clock(work * (mission.share(collected) - before))
+        mission.report(collected)
+    assert mission.total() == pytest.approx(27.0)
+    elapsed = 7.0 + work * (mission.share(800) - mission.share(100))
+    assert mission.left(None) == pytest.approx(27.0 - elapsed)
+    # What others of its kind took counts less the further it is.
+    trust = mission.share(800)
+    assert mission.left(50.0) == pytest.approx(trust * 27 + (1 - trust) * 50 - elapsed)
+
+
+def test_time_left_is_never_negative(clock):
+    mission = Clock(budget=1000)
+    mission.report(0)
+    clock(100.0)
+    assert mission.left(10.0) == 0.0
+
+
+def test_wall_time_of_several_workers():
+    assert wall_seconds([], 3) == 0.0
+    assert wall_seconds([10.0, 10.0, 10.0, 10.0], 2) == 20.0
+    assert wall_seconds([10.0, 1.0], 8) == 10.0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(0.44, "0.4 s"), (59.6, "60 s"), (600, "10 min"), (7200, "2.0 h")]
+)
+def test_durations_as_people_say_them(seconds, said):
+    assert duration(seconds) == said

@@ -1,0 +1,40 @@
+"""Missions from several machines or libraries in one study are told, once."""
+
+import copy
+import json
+
+import pyarrow.parquet as pq
+import pytest
+from studies import curves, quick, study
+
+from infoplan.study.provenance import provenance
+from infoplan.study.runner import differences
+
+
+def test_differences_name_what_decides_the_last_digits():
+    here = provenance()
+    assert differences(here, copy.deepcopy(here)) == []
+    there = copy.deepcopy(here)
+    there["cpu"] = "another"
+    there["libraries"]["scipy"] = "0.0"
+    there["libraries"]["rich"] = "0.0"
+    there["platform"] = "another"
+    assert differences(here, there) == ["cpu", "scipy"]
+    assert differences({}, here)
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_resume_across_machines_warns_once(elsewhere, tmp_path):
+    study(quick(), tmp_path, seeds=2, backend="sequential")
+    if elsewhere:
+        for path in curves(tmp_path):
+            table = pq.read_table(path, partitioning=None)
+            footer = json.loads(table.schema.metadata[b"infoplan"])
+            footer["cpu"] = "a Cray-1"
+            metadata = {b"infoplan": json.dumps(footer).encode()}
+            pq.write_table(table.replace_schema_metadata(metadata), path)
+    done, said = study(quick(), tmp_path, seeds=4, backend="sequential")
+    assert (done.kept, done.computed) == (2, 2)
+    assert said.count("were computed elsewhere (other cpu)") == int(elsewhere)
+    _, said = study(quick(), tmp_path, seeds=4, backend="sequential")
+    assert "elsewhere" not in said
