@@ -1,8 +1,5 @@
 """Fixtures that all tests share: a small map, a small mission, the command line."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,33 +32,3 @@ def small() -> Config:
     config.planner = replace(config.planner, iterations=30)
     config.model = replace(config.model, pilot_iterations=20, iterations=2)
     return config
-
-
-SMALL = [
-    "terrain=volcano",
-    "budget=160",
-    "grid=[12,12]",
-    "seeds=1",
-    "n_jobs=1",
-    "planner.iterations=30",
-    "model.pilot_iterations=20",
-    "model.iterations=2",
-]
-"""The same mission on the command line."""
-
-
-def infoplan(
-    *arguments: str, cwd: Path | None = None, env: dict[str, str] | None = None, check: bool = True
-) -> subprocess.CompletedProcess[str]:
-    """Run the console command as a user does, in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-m", "infoplan.cli", *arguments],
-        cwd=cwd,
-        env={**os.environ, **(env or {})},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    if check and done.returncode:
-        raise AssertionError(f"status {done.returncode}\n{done.stdout}\n{done.stderr}")
-    return done

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from conftest import SMALL
+from command import SMALL
 
 from infoplan.analyse.audit import audit
 from infoplan.cli import main

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas
 import pytest
-from conftest import infoplan
+from command import infoplan
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

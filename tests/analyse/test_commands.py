@@ -5,7 +5,7 @@ import shlex
 import made_tables
 import pytest
 import yaml
-from conftest import infoplan
+from command import infoplan
 
 from infoplan.analyse import find_study
 from infoplan.analyse.commands import commands, run_command, study_command

@@ -4,7 +4,7 @@ import json
 from itertools import product
 
 import pandas as pd
-from conftest import SMALL, infoplan
+from command import SMALL, infoplan
 
 from infoplan.cli import main
 

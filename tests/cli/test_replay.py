@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import SMALL
-from conftest import infoplan as command
+from command import SMALL
+from command import infoplan as command
 
 import infoplan
 from infoplan.analyse.audit import audit_mission

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import rasterio
 import rasterio.shutil
-from conftest import SMALL
+from command import SMALL
 from rasterio.transform import Affine
 
 from infoplan.cli import main

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import small_study
-from conftest import infoplan
+from command import infoplan
 
 from infoplan.analyse import find_missions, summarise
 from infoplan.analyse.tables import load_curves

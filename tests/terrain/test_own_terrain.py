@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import SMALL, infoplan
+from command import SMALL, infoplan
 
 from infoplan.cli import main
 from infoplan.errors import UsageError
