@@ -10,6 +10,11 @@ def one_thread() -> AbstractContextManager[Any]:
     return _controller().limit(limits=1)
 
 
+def look_again() -> None:
+    """Notice libraries that were loaded since; finding them takes a while, so it is done rarely."""
+    _controller.cache_clear()
+
+
 @cache
 def _controller() -> Any:
     import scipy.linalg  # noqa: F401 - a library that is loaded later would not be held

@@ -84,8 +84,9 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
         _check_version(task.run)
 
         from infoplan.mission import Mission
-        from infoplan.threads import one_thread
+        from infoplan.threads import look_again, one_thread
 
+        look_again()
         with one_thread():
             mission = Mission(task.run.config, task.run.terrain, task.seed)
             rows = []
