@@ -296,7 +296,7 @@ def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
     jobs = []
     for line in lines:
         try:
-            overrides = parser.parse_overrides(shlex.split(line))
+            overrides = parser.parse_overrides([_admitted(word) for word in shlex.split(line)])
             own = [override for override in overrides if override.key_or_group not in taken]
             values = [_values(override) for override in own]
         except (HydraException, ValueError) as error:

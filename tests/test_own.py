@@ -31,10 +31,10 @@ def test_a_module_in_the_current_directory_is_found(folder):
 
 
 def test_a_module_in_a_package_and_a_class_are_found(folder):
-    (folder / "mine").mkdir()
-    (folder / "mine" / "__init__.py").touch()
-    (folder / "mine" / "things.py").write_text("class Thing:\n    size = 3\n")
-    assert load("mine.things.Thing")().size == 3
+    (folder / "my_package").mkdir()
+    (folder / "my_package" / "__init__.py").touch()
+    (folder / "my_package" / "things.py").write_text("class Thing:\n    size = 3\n")
+    assert load("my_package.things.Thing")().size == 3
 
 
 def test_an_installed_module_is_found():

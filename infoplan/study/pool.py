@@ -5,6 +5,7 @@ All pools have the same few methods. A pool never raises because of a mission: i
 """
 
 import logging
+import multiprocessing
 import os
 import queue
 import signal
@@ -300,7 +301,7 @@ class DaskPool:
 
     def __init__(self, n_jobs: int, scheduler: str | None, address: Address | None, say: Say):
         try:
-            import distributed
+            import distributed  # noqa: F401
         except ImportError as error:
             raise UsageError(
                 "backend=dask needs Dask, which is not installed: pip install 'infoplan[dask]'"
@@ -316,15 +317,27 @@ class DaskPool:
         self.flying: dict[str, tuple[Task, Any]] = {}
         self.ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.workers, self.asked, self.told = 0, -CLUSTER_SECONDS, False
-        self.cluster = None if scheduler else _local_cluster(worker_count(n_jobs))
-        # A cluster is false as long as it has no worker.
-        target: dict[str, Any] = {"address": scheduler if scheduler else self.cluster}
-        if scheduler and scheduler.endswith(".json"):
+        self.others = set(multiprocessing.active_children())
+        self.cluster: Any = None
+        self.client: Any = None
+        try:
+            self._open(scheduler)
+        except BaseException:
+            with _undisturbed():
+                self.close()
+            raise
+
+    def _open(self, scheduler: str | None) -> None:
+        from distributed import Client
+
+        target: dict[str, Any] = {"address": scheduler}
+        if scheduler is None:
+            with _deaf_children():
+                self.cluster = target["address"] = _local_cluster(worker_count(self.n_jobs))
+        elif scheduler.endswith(".json"):
             target = {"scheduler_file": str(Path(scheduler).expanduser())}
         try:
-            self.client = distributed.Client(
-                **target, timeout=CONNECT_SECONDS, set_as_default=False
-            )
+            self.client = Client(**target, timeout=CONNECT_SECONDS, set_as_default=False)
         except (OSError, ValueError) as error:
             raise RunError(
                 f"no Dask scheduler answers at {self.where} ({error}): start one there with "
@@ -380,8 +393,7 @@ class DaskPool:
         if self.cluster is not None:
             for nanny in self.cluster.workers.values():
                 nanny.auto_restart = False
-                with suppress(Exception):  # dead already
-                    os.kill(nanny.process.pid, KILL)
+        self._kill_workers()
         with suppress(Exception):  # the cluster may be gone
             self.client.cancel([future for _, future in self.flying.values()], force=True)
         with suppress(Exception):
@@ -389,6 +401,14 @@ class DaskPool:
         if self.cluster is not None:
             with suppress(Exception):
                 self.cluster.close(timeout=KILL_SECONDS)
+            # What has not ended by now would delay the exit by ten seconds.
+            self.cluster.shutdown_on_close = False
+        # One that was just being started again would be waited for at the exit, for ever.
+        self._kill_workers()
+
+    def _kill_workers(self) -> None:
+        for process in set(multiprocessing.active_children()) - self.others:
+            process.kill()
 
     def _settled(self, future: Any) -> Outcome:
         from distributed import KilledWorker

@@ -31,6 +31,9 @@ COMPILING = -1
 STEPS = 1000
 """Length of a full bar."""
 
+NARROWEST_BAR, WIDEST_BAR = 6, 30
+SHORTEST_NAME = 16
+
 REFRESH_SECONDS = 0.25
 LINE_SECONDS = 5.0
 """Plain lines about missions under way appear at most this often."""
@@ -239,10 +242,6 @@ class Display:
         return f"  about {duration(left)} left" if left and left >= 1 else ""
 
     def _render(self) -> Progress:
-        progress = Progress(
-            TextColumn("{task.description}"), BarColumn(bar_width=30), _Note(),
-            console=self.console, auto_refresh=False,
-        )  # fmt: skip
         total = sum(line.kind.work for line in self.lines)
         done = sum(line.kind.work * line.share for line in self.lines)
         counts = ", ".join(f"{count} {name}" for name, count in self.counts.items() if count)
@@ -251,8 +250,17 @@ class Display:
         room = max(self.console.height - 3, 1)
         under_way = [line for line in self.lines if line.state == "under way"]
         bars += [(line.label, line.share, line.note) for line in under_way[:room]]
+        # In a narrow terminal bars and names give way, not the notes.
+        names, notes = (max(len(str(bar[part])) for bar in bars) for part in (0, 2))
+        width = min(max(self.console.width - names - notes - 2, NARROWEST_BAR), WIDEST_BAR)
+        names = max(self.console.width - width - notes - 2, SHORTEST_NAME)
+        progress = Progress(
+            TextColumn("{task.description}"), BarColumn(bar_width=width), _Note(),
+            console=self.console, auto_refresh=False,
+        )  # fmt: skip
         for label, share, note in bars:
-            progress.add_task(label, total=STEPS, completed=round(STEPS * share), note=note)
+            short = label if len(label) <= names else f"{label[: names - 10]}…{label[-9:]}"
+            progress.add_task(short, total=STEPS, completed=round(STEPS * share), note=note)
         return progress
 
 
