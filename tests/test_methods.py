@@ -80,13 +80,14 @@ def write(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
 
     def write(broken="unused(): pass", odd="None"):
-        # A cached module of another test would come first; a file of the same size and second, too.
-        monkeypatch.delitem(sys.modules, "mine", raising=False)
+        # A cached module would come first, and so would the code of a file as old and as long.
+        sys.modules.pop("mine", None)
         monkeypatch.setattr(sys, "dont_write_bytecode", True)
         (tmp_path / "mine.py").write_text(CODE.format(broken=broken, odd=odd))
         return tmp_path / "mine.py"
 
-    return write
+    yield write
+    sys.modules.pop("mine", None)
 
 
 def config(**groups):
