@@ -107,22 +107,30 @@ def whole_mission(started: float, terrain: str, budget: int = 2000) -> dict[str,
     return {"seconds": spent, "rate": rate, "floor": floor, "over_floor": spent.over(floor)}
 
 
-def replays(started: float, budget: int = 2000, few: int = 3) -> dict[str, Any]:
+def replays(started: float, budget: int = 2000) -> dict[str, Any]:
     """Teach models the data of one mission with several optimisers and precisions."""
     from benchmarks.missions import accepted_batches, configuration, fly, replay
 
     batches = accepted_batches(fly(configuration(budget=budget)).mission)
-    lbfgs = {"optimizer": "lbfgs", "pilot_iterations": 100}
     variants: dict[str, dict[str, Any]] = {
-        "adam 50": {"iterations": 50, "pilot_iterations": 500},
-        "lbfgs 10": {"iterations": 10, **lbfgs},
-        "adam 5": {"iterations": 5, "pilot_iterations": 500},
-        "lbfgs 5": {"iterations": 5, **lbfgs},
-        f"lbfgs {few}": {"iterations": few, **lbfgs},
-        f"lbfgs {few} float32": {"iterations": few, "dtype": "float32", **lbfgs},
-        "adam 5 float32": {"iterations": 5, "pilot_iterations": 500, "dtype": "float32"},
+        f"{optimizer} {iterations}{' float32' if dtype == 'float32' else ''}": {
+            "optimizer": optimizer,
+            "iterations": iterations,
+            "dtype": dtype,
+        }
+        for optimizer, iterations, dtype in (
+            ("adam", 50, "float64"),
+            ("lbfgs", 10, "float64"),
+            ("adam", 5, "float64"),
+            ("lbfgs", 5, "float64"),
+            ("lbfgs", 3, "float64"),
+            ("lbfgs", 5, "float32"),
+            ("adam", 5, "float32"),
+        )
     }
-    return {name: replay(batches, **options) for name, options in variants.items()}
+    return {
+        name: replay(batches, pilot_iterations=500, **options) for name, options in variants.items()
+    }
 
 
 def worker_memory(started: float, budget: int = 2000) -> dict[str, float]:
