@@ -15,6 +15,7 @@ import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import resource_tracker as multiprocessing_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -359,6 +360,7 @@ class DaskPool:
         """Compile the kernels on one worker; see that the workers have infoplan at all."""
         from distributed import KilledWorker
 
+        self._check_versions()
         future = self.client.submit(get_ready, configs, True, None, pure=False)
         while not future.done():
             self.size()
@@ -366,10 +368,31 @@ class DaskPool:
                 future.exception(timeout=CLUSTER_SECONDS)
         error = future.exception()
         if error is not None and not isinstance(error, KilledWorker):
+            reason = str(error).splitlines()[0]
             raise RunError(
-                f"infoplan cannot be imported by the Dask cluster at {self.where} ({error}): "
+                f"infoplan cannot be imported by the Dask cluster at {self.where} ({reason}): "
                 "install the same version there, for the workers and the scheduler"
             ) from error
+
+    def _check_versions(self) -> None:
+        """See that the scheduler and all workers there are now have this very infoplan.
+
+        One that has none would die of the first mission it is sent.
+        """
+        try:
+            found = {"scheduler": self.client.run_on_scheduler(version, "infoplan")}
+            found |= self.client.run(version, "infoplan")
+        except PackageNotFoundError as error:
+            raise RunError(
+                f"the Dask cluster at {self.where} has no infoplan: install version "
+                f"{version('infoplan')} there, for the workers and the scheduler"
+            ) from error
+        for place, there in found.items():
+            if there != version("infoplan"):
+                raise RunError(
+                    f"the Dask cluster at {self.where} has infoplan {there} ({place}), this is "
+                    f"{version('infoplan')}: install the same version there"
+                )
 
     def start(self, task: Task) -> None:
         """Hand a mission to the cluster."""
@@ -501,7 +524,10 @@ def _die_with(lifeline: Connection) -> None:
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Start processes that do not hear Ctrl-C, not even while they import."""
+    """Start processes that do not hear Ctrl-C, and start them whole: signals wait until it is done.
+
+    An interrupted start would leave a process without its first message.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -510,22 +536,33 @@ def _deaf_children() -> Iterator[None]:
 
     for tracker in (multiprocessing_tracker, loky_tracker):
         tracker.ensure_running()
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    heard: list[int] = []
+    with _handled_by(lambda number, frame: heard.append(number)):
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    for number in heard:
+        signal.raise_signal(number)
 
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
     """Let nothing interrupt the end: a second Ctrl-C would leave workers behind."""
+    with _handled_by(signal.SIG_IGN):
+        yield
+
+
+@contextmanager
+def _handled_by(handler: Callable[[int, Any], Any] | signal.Handlers) -> Iterator[None]:
+    """Put a handler in place for all signals that end a study."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in STOPPING}
+    before = {number: signal.signal(number, handler) for number in STOPPING}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
+        for number, former in before.items():
+            signal.signal(number, former or signal.SIG_DFL)

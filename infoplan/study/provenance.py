@@ -24,13 +24,17 @@ LIBRARIES = (
 )
 
 
-@cache
 def provenance() -> dict[str, Any]:
     """Describe this process: versions of Python and the libraries, BLAS, processor, system."""
+    # The threads of a BLAS are those of the moment; the rest stays.
+    return _fixed() | {"blas": blas_libraries()}
+
+
+@cache
+def _fixed() -> dict[str, Any]:
     return {
         "python": platform.python_version(),
         "libraries": {name: _version(name) for name in LIBRARIES},
-        "blas": blas_libraries(),
         "cpu": cpu_model(),
         "platform": platform.platform(),
     }

@@ -36,6 +36,7 @@ from infoplan.study.store import (
     table_path,
 )
 from infoplan.terrain import Terrain
+from infoplan.threads import look_again, one_thread
 
 GROUPS = ("detector", "model")
 """Groups that a replay may choose anew."""
@@ -301,11 +302,13 @@ def _replay_seed(
     samples, maps = (
         read_table(results_dir, name, source, seed).to_pandas() for name in ("samples", "maps")
     )
-    mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
-    tables = build_tables(run, mission, rows)
-    footer = provenance() | {
-        "started": started.isoformat(timespec="milliseconds"),
-        "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "seconds": time.perf_counter() - clock,
-    }
+    look_again()
+    with one_thread():
+        mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
+        tables = build_tables(run, mission, rows)
+        footer = provenance() | {
+            "started": started.isoformat(timespec="milliseconds"),
+            "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "seconds": time.perf_counter() - clock,
+        }
     return seed, tables, footer

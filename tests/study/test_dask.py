@@ -74,6 +74,36 @@ def test_a_scheduler_that_vanishes_ends_the_study_in_one_sentence(tmp_path):
     assert "Traceback" not in said
 
 
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("raise importlib.metadata.PackageNotFoundError(name)", "has no infoplan"),
+        ("return '0.0.1'", "has infoplan 0.0.1"),
+    ],
+)
+def test_a_cluster_with_another_infoplan_is_refused(line, words, tmp_path, capfd, monkeypatch):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "sitecustomize.py").write_text(f"""
+import importlib.metadata
+real = importlib.metadata.version
+def version(name):
+    if name != "infoplan":
+        return real(name)
+    {line}
+version.__module__ = "importlib.metadata"
+importlib.metadata.version = version
+""")
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr("studies.SABOTEUR", str(other))
+        with scheduler(tmp_path) as (file, _), worker(file):
+            options = ["terrain=volcano", "backend=dask", f"scheduler={file}"]
+            assert main(["run", *options, f"results_dir={tmp_path / 'results'}"]) == 1
+    said = capfd.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "foo://127.0.0.1:9", "127.0.0.1:9"])
 def test_no_scheduler_is_one_sentence(address, tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(pool, "CONNECT_SECONDS", 1.0)

@@ -46,7 +46,6 @@ def test_an_interrupted_study_goes_on_later(number, group, backend, tmp_path):
     assert_same_numbers(folder, tmp_path / "undisturbed")
 
 
-@pytest.mark.long  # on a busy machine a worker that is still starting may print its own end
 def test_ctrl_c_while_workers_start_is_quiet(tmp_path):
     with started(tmp_path, "n_jobs=2") as process:
         until(lambda: len(family(process.pid)) >= 3, process)

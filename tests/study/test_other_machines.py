@@ -9,6 +9,14 @@ from studies import curves, quick, study
 
 from infoplan.study.provenance import provenance
 from infoplan.study.runner import differences
+from infoplan.threads import look_again, one_thread
+
+
+def test_provenance_tells_the_threads_of_now():
+    assert provenance()["blas"]
+    look_again()
+    with one_thread():
+        assert {blas["num_threads"] for blas in provenance()["blas"]} == {1}
 
 
 def test_differences_name_what_decides_the_last_digits():
