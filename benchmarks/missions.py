@@ -8,13 +8,7 @@ import numpy as np
 
 import infoplan.model.gp
 from benchmarks.measure import Seconds, timed
-from infoplan.config import (
-    CopodConfig,
-    DetectorConfig,
-    MissionConfig,
-    ModelConfig,
-    PlannerConfig,
-)
+from infoplan.config import METHODS, GpConfig, MissionConfig
 from infoplan.mission import CurveRow, Mission
 from infoplan.model import GaussianProcess
 from infoplan.model.likelihood import Likelihood
@@ -35,11 +29,10 @@ def configuration(
     **model: Any,
 ) -> MissionConfig:
     """Return the default configuration with some options changed."""
-    chosen = CopodConfig() if detector == "copod" else DetectorConfig(name=detector)
     return MissionConfig(
-        planner=PlannerConfig(name=planner),
-        detector=chosen,
-        model=ModelConfig(**model),
+        planner=METHODS["planner"][planner],
+        detector=METHODS["detector"][detector],
+        model=GpConfig(**model),
         budget=budget,
         grid=list(grid),
     )

@@ -17,8 +17,8 @@ import torch
 from pypolo.kernels import RBF
 from pypolo.models import GPR
 
-import infoplan.mission
-from infoplan.model import Hyperparameters
+import infoplan.plan.planners
+from infoplan.model import MODELS, Hyperparameters
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "plan"))
 import reference_search
@@ -90,11 +90,9 @@ def reference_parts() -> Iterator[None]:
     """Let missions use PyPolo's model and the plain search, on one thread."""
     torch.set_num_threads(1)
     with (
+        patch.dict(MODELS, gp=PyPoloModel),
         patch.multiple(
-            infoplan.mission,
-            GaussianProcess=PyPoloModel,
-            search=plain_search,
-            most_visited_actions=plain_plan,
+            infoplan.plan.planners, search=plain_search, most_visited_actions=plain_plan
         ),
         redirect_stdout(StringIO()),  # PyPolo prints when it adds jitter
     ):

@@ -98,7 +98,7 @@ def mission_against_reference(scale: Scale) -> Section:
     ):
         wall, cpu = (reference[clock] / shortest[kind][clock] for clock in ("wall", "cpu"))
         # The two missions differ in their plans, thus in the number of epochs.
-        work = runs["infoplan"][0]["operations"] / runs["reference"][0]["operations"]
+        work = runs[kind][0]["operations"] / runs["reference"][0]["operations"]
         lines.append(
             Line(
                 section,
@@ -415,6 +415,33 @@ def kernels_of_the_product(scale: Scale) -> Section:
     return lines, found
 
 
+def workers_in_parallel(scale: Scale) -> Section:
+    """Compare the missions an hour of two workers with those of one, start-up included."""
+    missions = 2 * scale.repeats
+    with tempfile.TemporaryDirectory() as folder:
+        runs = {
+            n_jobs: command(
+                "run",
+                f"terrain={terrain().name}",
+                f"budget={scale.budget}",
+                f"seeds={missions}",
+                f"n_jobs={n_jobs}",
+                f"results_dir={folder}/{n_jobs}",
+            )
+            for n_jobs in (1, 2)
+        }
+    ratio = runs[1]["wall"] / runs[2]["wall"]
+    hourly = {n_jobs: 3600 * missions / run["wall"] for n_jobs, run in runs.items()}
+    line = Line(
+        "11 workers",
+        f"missions an hour, two workers over one, {missions} missions each",
+        f"{ratio:.2f} ({hourly[2]:.0f} over {hourly[1]:.0f})",
+        "at least 1.8",
+        ratio >= 1.8,
+    )
+    return [line], runs
+
+
 SECTIONS: dict[str, Callable[[Scale], Section]] = {
     "mission": mission_against_reference,
     "floor": mission_over_floor,
@@ -423,6 +450,7 @@ SECTIONS: dict[str, Callable[[Scale], Section]] = {
     "search": tree_search,
     "memory": memory_and_growth,
     "start": start_up,
+    "workers": workers_in_parallel,
     "far": past_the_paper,
     "blas": kernels_of_the_product,
 }

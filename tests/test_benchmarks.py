@@ -12,7 +12,7 @@ pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[1]
 # The reference is an extra of its own.
-SECTIONS = ["optimiser", "search", "memory", "start", "far", "blas", "floor", "rmse"] + (
+SECTIONS = ["optimiser", "search", "memory", "start", "far", "blas", "floor", "rmse", "workers"] + (
     ["mission"] if find_spec("pypolo") else []
 )
 

@@ -12,6 +12,8 @@ _SMALLEST, _LARGEST = 1e-6, 1e6
 _SMALLEST_NOISE, _LARGEST_NOISE = 1e-20, 1e12
 # Logarithm of the largest lengthscale that L-BFGS visits.
 _FLAT = np.log(10.0)
+# How far L-BFGS moves a logarithm on new data: a factor of 20, either way.
+_REACH = 3.0
 
 
 def bounds(min_noise_variance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -108,11 +110,14 @@ class Lbfgs:
     Each call minimises over theta divided by the square roots of the diagonal of the inverse
     Hessian that the calls before have seen, so that the first step of an epoch has the right
     length. Lengthscales stay within 10 scaled units (five times the pilot's bounding box): beyond,
-    the likelihood is flat to rounding, and a long step would never come back.
+    the likelihood is flat to rounding, and a long step would never come back. For the same reason
+    calls after the first move no hyperparameter by more than a factor of 20: on an epoch's first
+    spikes a step may lead to where all is noise.
     """
 
     def __init__(self) -> None:
         self._scale = np.ones(4)
+        self._reach = np.inf
 
     def ascend(
         self,
@@ -144,6 +149,9 @@ class Lbfgs:
         from scipy.optimize import minimize
 
         upper = np.minimum(upper, [np.inf, _FLAT, _FLAT, np.inf])
+        start = np.clip(theta, lower, upper)
+        lower = np.maximum(lower, start - self._reach)
+        upper = np.minimum(upper, start + self._reach)
         scale = self._scale
         seen: list[tuple[float, np.ndarray, np.ndarray]] = []
 
@@ -160,7 +168,7 @@ class Lbfgs:
         with suppress(_SpentError):
             minimize(
                 objective,
-                np.clip(theta, lower, upper) / scale,
+                start / scale,
                 jac=True,
                 method="L-BFGS-B",
                 bounds=np.column_stack([lower, upper]) / scale[:, np.newaxis],
@@ -168,6 +176,7 @@ class Lbfgs:
         if not seen:
             return theta
         self._scale = _curvature_scale(scale, [s[1] for s in seen], [s[2] for s in seen])
+        self._reach = _REACH
         return max(seen, key=lambda s: s[0])[1]
 
 

@@ -88,6 +88,20 @@ def test_lengthscales_of_lbfgs_stay_where_the_likelihood_is_not_flat():
     assert theta[1] == pytest.approx(np.log(10.0))
 
 
+def test_lbfgs_moves_a_bounded_way_on_new_data():
+    # The second function is steep towards amplitudes of nothing and flat there, as new spikes are.
+    def noise_explains_all(theta):
+        points.append(theta.copy())
+        return -1e4 * np.exp(theta[0]), np.array([-1e4 * np.exp(theta[0]), 0.0, 0.0, 0.0])
+
+    points = []
+    optimizer = Lbfgs()
+    start = optimizer.ascend(Counted(), np.zeros(4), 60, LOWER, UPPER)
+    optimizer.ascend(noise_explains_all, start, 10, LOWER, UPPER)
+    moved = np.abs(np.array(points) - start).max(axis=0)
+    np.testing.assert_allclose(moved, [3.0, 0.0, 0.0, 0.0], atol=1e-9)
+
+
 def test_a_floor_of_zero_has_a_finite_logarithm():
     assert np.isfinite(bounds(0.0)).all()
     assert bounds(0.25)[0][3] == np.log(0.25)
