@@ -1,0 +1,214 @@
+"""Checks of what was flagged: scores, flags, confusion counts, outlier density."""
+
+import numpy as np
+from scipy import stats
+from scipy.ndimage import gaussian_filter
+
+from infoplan.analyse.audit import repeat
+from infoplan.analyse.audit.model import kernel, noise_factor, scaled_samples
+from infoplan.analyse.audit.stored import (
+    ROUNDING,
+    Booleans,
+    FaultError,
+    Floats,
+    StoredMission,
+    demand,
+    demand_close,
+)
+
+REPLAYED_PRECISION = 1e-6
+"""Relative difference allowed to a score that comes from a solve with the model's covariance."""
+
+
+def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | None]:
+    """Judge the samples again, epoch by epoch, on what was there by then.
+
+    Returns
+    -------
+    list of (scores, flags) or None
+        One entry for each epoch, of all samples collected by then, as the mission then held them:
+        scope batch keeps a sample's first judgement, historical the latest; the pilot is judged
+        by historical only. None where a detector that cannot be repeated has judged since; what
+        it said at last is taken from the table.
+    """
+    if not _is_repeatable(mission):
+        return _stored_judgements(mission)
+    historical = mission.option("detector.scope") == "historical"
+    scores, flags = np.full(mission.n_pilot, np.nan), np.zeros(mission.n_pilot, dtype=bool)
+    judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
+    for e in range(1, len(mission.curves)):
+        n = int(np.sum(mission.epoch <= e))
+        kept = 0 if historical else len(scores)
+        accepted = np.append(~flags[:kept], np.ones(n - kept, dtype=bool))
+        new_scores, new_flags = _judge(mission, e, accepted, np.arange(n) >= kept)
+        scores = np.concatenate([scores[:kept], new_scores[kept:]])
+        flags = np.concatenate([flags[:kept], new_flags[kept:]])
+        judgements.append((scores, flags))
+    return judgements
+
+
+def _is_repeatable(mission: StoredMission) -> bool:
+    """Tell whether the detector can be repeated: not if it is, or needs, the user's own code."""
+    needs_model = mission.option("detector.name") == "gp_residual"
+    return not (mission.is_own("detector") or (needs_model and mission.is_own("model")))
+
+
+def _judge(
+    mission: StoredMission, epoch: int, candidates: Booleans, judged: Booleans
+) -> tuple[Floats, Booleans]:
+    """Judge the samples collected by the end of an epoch.
+
+    Parameters
+    ----------
+    epoch
+        Which.
+    candidates
+        What the model holds unless it is flagged now, shape (n,).
+    judged
+        Whose judgement counts, shape (n,).
+
+    Returns
+    -------
+    scores, flags : ndarrays, shape (n,)
+    """
+    n, name = len(judged), str(mission.option("detector.name"))
+    measured = mission.samples["measured"].to_numpy()[:n]
+    if name == "copod":
+        return _copod(mission, measured)
+    if name == "local":
+        scores = repeat.local_scores(
+            mission.x[:n], measured, candidates, judged, int(mission.option("detector.neighbours"))
+        )
+        return scores, scores > float(mission.option("detector.threshold"))
+    if name == "gp_residual":
+        x, y = scaled_samples(mission)
+        state = mission.curves.iloc[epoch - 1]  # the model has not seen the batch
+        noise = state["noise_std"] ** 2 * noise_factor(mission) + state["jitter"]
+        return repeat.gp_residuals(
+            x[:n], y[:n], kernel(state), noise, candidates, judged,
+            float(mission.option("detector.threshold")),
+            bool(mission.option("detector.one_by_one")),
+        )  # fmt: skip
+    if name.startswith("pyod_"):
+        columns = {"x1": "x1", "x2": "x2", "y": "measured"}
+        features = [columns[feature] for feature in mission.option("detector.features")]
+        return repeat.pyod_judgement(
+            mission.samples[features].to_numpy()[:n],
+            str(mission.option("detector.model")),
+            float(mission.option("detector.contamination")),
+            mission.option("detector.params"),
+            np.random.SeedSequence(mission.seed, spawn_key=(4, epoch)),
+        )
+    outlier = mission.samples["is_outlier"].to_numpy()[:n]
+    return np.full(n, np.nan), outlier if name == "best" else np.zeros(n, dtype=bool)
+
+
+def _stored_judgements(mission: StoredMission) -> list[tuple[Floats, Booleans] | None]:
+    """Take the judgements of a detector that cannot be repeated from the table."""
+    scores, flags = mission.samples["score"].to_numpy(), mission.samples["flagged"].to_numpy()
+    last = len(mission.curves) - 1
+    judgements: list[tuple[Floats, Booleans] | None] = []
+    for e in range(last + 1):
+        n = int(np.sum(mission.epoch <= e))
+        known = e in (0, last) or mission.option("detector.scope") == "batch"
+        nothing = (np.full(n, np.nan), np.zeros(n, dtype=bool))
+        judgements.append((nothing if e == 0 else (scores[:n], flags[:n])) if known else None)
+    return judgements
+
+
+def _copod(mission: StoredMission, measured: Floats) -> tuple[Floats, Booleans]:
+    """Score and flag measurements by COPOD (paper, Section IV-A), shapes (n,)."""
+    contamination = float(mission.option("detector.contamination"))
+    if mission.option("detector.score") == "pyod":
+        # PyOD imports a plotting library: only an audit that needs it waits for that.
+        from pyod.models.copod import COPOD
+
+        detector = COPOD(contamination=contamination).fit(measured.reshape(-1, 1))
+        return detector.decision_scores_, detector.labels_ == 1
+    n = len(measured)
+    left = np.array([np.count_nonzero(measured <= y) for y in measured]) / n
+    right = np.array([np.count_nonzero(measured >= y) for y in measured]) / n
+    corrected = left if stats.skew(measured) < 0 else right
+    scores = np.max([-np.log(left), -np.log(right), -np.log(corrected)], axis=0)
+    return scores, scores > np.percentile(scores, 100 * (1 - contamination))
+
+
+def check_scores(mission: StoredMission) -> str:
+    """Check that the detector's scores are PyOD's, or those of its formula."""
+    if not _is_repeatable(mission):
+        return ""
+    judgement = mission.judgements[-1]
+    assert judgement is not None
+    expected, _ = judgement
+    found = mission.samples["score"].to_numpy()
+    solved = mission.option("detector.name") == "gp_residual"
+    allowed = REPLAYED_PRECISION if solved else ROUNDING
+    demand(
+        np.isclose(found, expected, rtol=allowed, atol=allowed, equal_nan=True),
+        lambda i: f"{mission.place(i)} has the score {found[i]:.6g}, not {expected[i]:.6g}",
+    )
+    return f"{np.isfinite(expected).sum()} scores agree"
+
+
+def check_flags(mission: StoredMission) -> str:
+    """Check that the flags are the detector's, and what is not flagged is used."""
+    judgement = mission.judgements[-1]
+    assert judgement is not None
+    _, expected = judgement
+    flagged, used = mission.samples["flagged"].to_numpy(), mission.samples["used"].to_numpy()
+    demand(
+        flagged == expected,
+        lambda i: f"{mission.place(i)} is {'' if flagged[i] else 'not '}flagged, wrongly",
+    )
+    demand(
+        used != flagged,
+        lambda i: f"{mission.place(i)} is {'both' if used[i] else 'neither'} flagged and used",
+    )
+    return f"{flagged.sum()} of {len(flagged)} samples are flagged"
+
+
+def check_confusion(mission: StoredMission) -> str:
+    """Check that confusion counts and accepted samples of every epoch follow from the flags."""
+    outlier = mission.samples["is_outlier"].to_numpy()
+    for e, judgement in enumerate(mission.judgements):
+        if judgement is None:
+            continue
+        _, flags = judgement
+        judged = mission.epoch[: len(flags)] == e
+        if mission.option("detector.scope") == "historical":
+            judged[:] = True
+        if e == 0:
+            judged[:] = False
+        expected = {
+            "accepted": int(np.sum(~flags)),
+            "tp": int(np.sum(judged & flags & outlier[: len(flags)])),
+            "fp": int(np.sum(judged & flags & ~outlier[: len(flags)])),
+            "fn": int(np.sum(judged & ~flags & outlier[: len(flags)])),
+            "tn": int(np.sum(judged & ~flags & ~outlier[: len(flags)])),
+        }
+        for column, count in expected.items():
+            if mission.curves[column][e] != count:
+                raise FaultError(
+                    f"epoch {e} has {column} {mission.curves[column][e]}, recounted {count}"
+                )
+    counts = [f"{column} {mission.curves[column].sum()}" for column in ("tp", "fp", "fn", "tn")]
+    return f"{len(mission.curves)} epochs recounted, sums {', '.join(counts)}"
+
+
+def check_density(mission: StoredMission) -> str:
+    """Check that the outlier density is the smoothed count of flagged samples by nearest node."""
+    rows, columns = (int(nodes) for nodes in mission.option("grid"))
+    xmin, xmax, ymin, ymax = mission.extent
+    extent, last = np.array([ymax - ymin, xmax - xmin]), np.array([rows - 1, columns - 1])
+    counts = np.zeros((rows, columns))
+    for x, y in mission.x[mission.samples["flagged"].to_numpy()]:
+        # Multiplied before dividing: the car may start exactly half-way between two nodes.
+        nearest = np.floor((np.array([y, x]) - [ymin, xmin]) * last / extent + 0.5).astype(int)
+        row, column = np.clip(nearest, 0, last)
+        counts[row, column] += 1
+    sigma = float(mission.option("planner.smoothing")) * last / extent
+    expected = gaussian_filter(counts, sigma, mode="nearest").ravel()
+    found = mission.maps["outlier_density"].to_numpy()
+    allowed = ROUNDING * max(1.0, float(counts.max()))
+    demand_close("the outlier density at node", found, expected, allowed)
+    return f"{counts.sum():.0f} flagged samples, largest density {expected.max():.4g}"

@@ -1,0 +1,249 @@
+"""Checks of what the model predicts: hyperparameters, scores, the final and earlier models."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+from scipy.interpolate import RegularGridInterpolator
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+
+from infoplan.analyse.audit import repeat
+from infoplan.analyse.audit.stored import (
+    ROUNDING,
+    Booleans,
+    FaultError,
+    Floats,
+    StoredMission,
+    demand,
+    demand_close,
+)
+
+PRECISION = {"float64": 1e-6, "float32": 3e-3}
+"""Relative difference allowed to a prediction, by the precision of the model's matrices."""
+
+EARLIER_ROWS = 3
+"""Rows of the curve before the last whose model is fitted again."""
+
+NORMAL_95 = 1.959964
+
+
+def check_hyperparameters(mission: StoredMission) -> str:
+    """Check that hyperparameters keep their floors, and stay where nothing is learned."""
+    if mission.is_own("model"):
+        return ""
+    curves = mission.curves
+    floor = float(mission.option("model.min_noise_variance"))
+    names = ["amplitude", "lengthscale_1", "lengthscale_2", "noise_std"]
+    demand(
+        (curves[names] > 0).all(axis=1).to_numpy(),
+        lambda e: f"a hyperparameter of epoch {e} is not positive",
+    )
+    demand(
+        (curves["noise_std"] ** 2 >= floor * (1 - ROUNDING)).to_numpy(),
+        lambda e: f"the noise variance of epoch {e} is {curves['noise_std'][e] ** 2:.4g} < {floor}",
+    )
+    jitter = float(mission.option("model.jitter"))
+    demand(
+        (curves["jitter"] >= jitter * (1 - ROUNDING)).to_numpy(),
+        lambda e: f"the jitter of epoch {e} is {curves['jitter'][e]:.4g} < {jitter}",
+    )
+    if mission.option("model.pilot_iterations") == 0:
+        untouched = curves if mission.option("model.iterations") == 0 else curves[:1]
+        for name, start in zip(names, ["amplitude", "lengthscale", "lengthscale"], strict=False):
+            expected = float(mission.option(f"model.{start}"))
+            values = untouched[name].to_numpy()
+            demand_close(f"{name} of untrained epoch", values, expected, ROUNDING * expected)
+    last = curves.iloc[-1]
+    return "at the end " + ", ".join(f"{name} {last[name]:.4g}" for name in [*names, "jitter"])
+
+
+def _fit(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
+    """Fit scikit-learn's Gaussian process with the hyperparameters of a row of the curve.
+
+    Parameters
+    ----------
+    row
+        Epoch whose hyperparameters count.
+    used
+        Which of the first samples the model holds, shape (m,).
+
+    Returns
+    -------
+    mean, std : ndarrays, shape (rows * columns,)
+        Latent prediction on the query grid, terrain's unit.
+    lml : float
+        Log marginal likelihood, scaled units.
+    """
+    state = mission.curves.iloc[row]
+    model = GaussianProcessRegressor(
+        kernel(state), alpha=state["noise_std"] ** 2 + state["jitter"], optimizer=None
+    )
+    x, y = scaled_samples(mission)
+    model.fit(x[: len(used)][used], y[: len(used)][used])
+    mean, std = model.predict(_scaled(mission, mission.maps), return_std=True)
+    centre, scale = _elevation_scaler(mission)
+    return centre + scale * mean, scale * std, float(model.log_marginal_likelihood_value_)
+
+
+def _fit_student_t(
+    mission: StoredMission, row: int, used: Booleans
+) -> tuple[Floats, Floats, float]:
+    """Do as `_fit` for Student-t noise, from the stored map: the posterior's mode nearest to it."""
+    state = mission.curves.iloc[row]
+    x, y = scaled_samples(mission)
+    centre, scale = _elevation_scaler(mission)
+    rows, columns = (int(nodes) for nodes in mission.option("grid"))
+    axes = (np.unique(mission.maps["x2"]), np.unique(mission.maps["x1"]))
+    surface = RegularGridInterpolator(
+        axes, mission.maps["mean"].to_numpy().reshape(rows, columns), bounds_error=False,
+        fill_value=None,
+    )  # fmt: skip
+    start = (surface(mission.x[: len(used)][used][:, ::-1]) - centre) / scale
+    mean, std, lml = repeat.student_t(
+        x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps), kernel(state),
+        state["noise_std"], float(mission.option("model.dof")), state["jitter"], start,
+    )  # fmt: skip
+    return centre + scale * mean, scale * std, lml
+
+
+def _elevation_scaler(mission: StoredMission) -> tuple[float, float]:
+    """Mean and deviation of the pilot's measurements."""
+    pilot = mission.samples["measured"].to_numpy()[: mission.n_pilot]
+    return float(pilot.mean()), float(pilot.std())
+
+
+def _scaled(mission: StoredMission, places: pd.DataFrame) -> Floats:
+    """Positions in units of the pilot's bounding box, shape (n, 2)."""
+    pilot = mission.x[: mission.n_pilot]
+    low, high = pilot.min(axis=0), pilot.max(axis=0)
+    scaled: Floats = 2.0 * (places[["x1", "x2"]].to_numpy() - low) / (high - low) - 1.0
+    return scaled
+
+
+def scaled_samples(mission: StoredMission) -> tuple[Floats, Floats]:
+    """Positions and measurements of all samples, scaled as the model has them."""
+    centre, scale = _elevation_scaler(mission)
+    return _scaled(mission, mission.samples), (
+        mission.samples["measured"].to_numpy() - centre
+    ) / scale
+
+
+def kernel(state: "pd.Series[Any]") -> Any:
+    """Kernel with the hyperparameters of a row of the curve."""
+    lengthscales = [state["lengthscale_1"], state["lengthscale_2"]]
+    return ConstantKernel(state["amplitude"] ** 2, "fixed") * RBF(lengthscales, "fixed")
+
+
+def noise_factor(mission: StoredMission) -> float:
+    """Variance of the observation noise over its squared scale."""
+    if mission.option("model.name") != "student_t":
+        return 1.0
+    dof = float(mission.option("model.dof"))
+    return dof / (dof - 2.0)
+
+
+def _precision(mission: StoredMission) -> float:
+    """Relative difference to allow to the model's numbers."""
+    model = mission.configuration.get("model", {})
+    return PRECISION[model.get("dtype", "float64")]
+
+
+def _compare_row(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
+    """Fit the model of a row of the curve, compare its scores, and return its prediction.
+
+    Returns
+    -------
+    mean, std : ndarrays, shape (rows * columns,)
+        As `_fit` gives them.
+    tolerance : float
+        What may lie between them and the mission's, terrain's unit.
+    """
+    fit = _fit_student_t if mission.option("model.name") == "student_t" else _fit
+    mean, std, lml = fit(mission, row, used)
+    precision = _precision(mission)
+    measured = mission.samples["measured"].to_numpy()
+    tolerance = precision * float(measured[: mission.n_pilot].std())
+    recorded = float(mission.curves["lml"][row])
+    if not abs(recorded - lml) <= precision * max(abs(lml), float(np.sum(used))):
+        raise FaultError(f"epoch {row} has lml {recorded:.8g}, recomputed {lml:.8g}")
+    _compare_scores(mission, row, mean, std, tolerance, precision)
+    return mean, std, tolerance
+
+
+def _compare_scores(
+    mission: StoredMission, row: int, mean: Floats, std: Floats, tolerance: float, precision: float
+) -> None:
+    """Compare the scores of a row of the curve with those of a prediction.
+
+    Parameters
+    ----------
+    row
+        Epoch.
+    mean, std
+        Prediction on the query grid, shape (rows * columns,), terrain's unit.
+    tolerance
+        Difference allowed to errors and to the prediction, terrain's unit.
+    precision
+        Difference allowed to the negative log predictive density, relative above 1.
+    """
+    truth = mission.maps["truth"].to_numpy()
+    error = np.abs(mean - truth)
+    nlpd = float(-np.mean(stats.norm.logpdf(truth, mean, std)))
+    expected = {
+        "rmse": (float(np.sqrt(np.mean(error**2))), tolerance),
+        "mae": (float(np.mean(error)), tolerance),
+        "nlpd": (nlpd, precision * max(1.0, abs(nlpd))),
+    }
+    for name, (value, allowed) in expected.items():
+        recorded = float(mission.curves[name][row])
+        if not abs(recorded - value) <= allowed:
+            raise FaultError(f"epoch {row} has {name} {recorded:.8g}, recomputed {value:.8g}")
+    # Nodes so near the bound that rounding decides may count or not.
+    least = np.mean(error + tolerance <= NORMAL_95 * (std - tolerance))
+    most = np.mean(error - tolerance <= NORMAL_95 * (std + tolerance))
+    recorded = float(mission.curves["coverage95"][row])
+    if not least - ROUNDING <= recorded <= most + ROUNDING:
+        raise FaultError(
+            f"epoch {row} has coverage95 {recorded:.6g}, recomputed {least:.6g} to {most:.6g}"
+        )
+
+
+def check_final_scores(mission: StoredMission) -> str:
+    """Check that the last row of the curve scores the stored map."""
+    mean, std = mission.maps["mean"].to_numpy(), mission.maps["std"].to_numpy()
+    demand(std > 0, lambda i: f"node {i} has the standard deviation {std[i]:.6g}")
+    last = len(mission.curves) - 1
+    _compare_scores(mission, last, mean, std, mission.elevation_tolerance, ROUNDING)
+    return f"RMSE {mission.curves['rmse'][last]:.6g} follows from the map"
+
+
+def check_final_model(mission: StoredMission) -> str:
+    """Check that scikit-learn, given the samples in use, predicts the stored map and last row.
+
+    Student-t noise, which it has not, is recomputed step by step.
+    """
+    if mission.is_own("model"):
+        return ""
+    last = len(mission.curves) - 1
+    used = mission.samples["used"].to_numpy()
+    mean, std, tolerance = _compare_row(mission, last, used)
+    parts = []
+    for name, expected in (("mean", mean), ("std", std)):
+        found = mission.maps[name].to_numpy()
+        demand_close(f"the {name} at node", found, expected, tolerance)
+        parts.append(f"{name} within {np.abs(found - expected).max():.1g}")
+    return f"{used.sum()} samples: {', '.join(parts)}"
+
+
+def check_earlier_models(mission: StoredMission) -> str:
+    """Check that scikit-learn, given what was in use by then, gives earlier rows of the curve."""
+    if mission.is_own("model") or mission.option("model.name") == "student_t":
+        return ""  # no map of then is stored, from which to find the same mode
+    last = len(mission.curves) - 1
+    rows = sorted({last * i // EARLIER_ROWS for i in range(EARLIER_ROWS)} - {last})
+    known = {row: judgement for row in rows if (judgement := mission.judgements[row]) is not None}
+    for row, (_, flags) in known.items():
+        _compare_row(mission, row, ~flags)
+    return f"epochs {', '.join(map(str, known)) or 'none'} give their rows"
