@@ -120,6 +120,7 @@ class Display:
 
     def __init__(self, lines: list[Line], pace: Pace, workers: int, skipped: int, console: Console):
         self.lines, self.pace, self.workers, self.console = lines, pace, workers, console
+        self.done = Pace()
         self.counts = {"done": 0, "skipped": skipped, "failed": 0}
         self.wanted = skipped + len(lines)
         self.started = self.last_line = time.monotonic()
@@ -162,6 +163,7 @@ class Display:
         line = self.lines[mission]
         line.state, line.collected, line.rmse = "over", line.budget, rmse
         self.pace.add(line.kind, seconds)
+        self.done.add(line.kind, seconds)
         self.counts["done"] += 1
         self._say_of(line, f"done in {seconds:.1f} s{line.error}")
 
@@ -194,7 +196,8 @@ class Display:
         rates = [total / work for total, work in own if total is not None]
         seconds = []
         for line in pending:
-            expected = self.pace.of_kind(line.kind)
+            # In order of how much they tell: its own kind, what was done here, what is under way.
+            expected = self.pace.of_kind(line.kind) or self.done.seconds(line.kind)
             if expected is None and rates:
                 expected = line.kind.work * sum(rates) / len(rates)
             elif expected is None:

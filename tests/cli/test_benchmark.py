@@ -26,7 +26,11 @@ def test_the_benchmark_is_every_method_on_every_map_at_every_share(tmp_path, cap
 
 
 def test_a_tiny_benchmark_is_ranked(tmp_path, capfd):
-    short = [option for option in SMALL if not option.startswith(("terrain", "budget", "n_jobs"))]
+    short = [
+        option
+        for option in SMALL
+        if not option.startswith(("terrain", "budget", "n_jobs", "planner"))
+    ]
     arguments = ["terrain=volcano", "rho=0,0.2", "budget=140", "n_jobs=2", *short]
     results = f"results_dir={tmp_path}"
     infoplan("run", "-m", "experiment=benchmark", *arguments, results)

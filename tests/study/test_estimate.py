@@ -4,7 +4,16 @@ import pytest
 from studies import quick, study
 
 from infoplan.study import estimate
-from infoplan.study.estimate import GROWTH, Clock, Kind, Pace, duration, kind_of, wall_seconds
+from infoplan.study.estimate import (
+    GROWTH,
+    PROGRESS,
+    Clock,
+    Kind,
+    Pace,
+    duration,
+    kind_of,
+    wall_seconds,
+)
 from infoplan.study.identity import identify
 
 
@@ -70,7 +79,7 @@ def test_a_mission_under_way_is_judged_by_its_pace_after_the_pilot(clock):
     mission.report(100)
     assert mission.total() is None
     assert mission.left(60.0) == 53.0
-    work = 20.0 / (1 - 0.1**GROWTH)  # 20 s for all that follows the pilot
+    work = 20.0 / (1 - 0.1**PROGRESS)  # 20 s for all that follows the pilot
     for collected in (200, 500, 800):
         before = mission.latest[1]
         clock(work * (mission.share(collected) - before))
