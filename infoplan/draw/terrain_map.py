@@ -20,17 +20,21 @@ if TYPE_CHECKING:
 FLAT = 0.05
 """Land is flat where its local relief is below this share of the whole map's."""
 
+SIDE = 400
+"""Local relief and shading are taken from at most so many rows and columns of a larger map."""
+
 
 def describe(terrain: Terrain) -> str:
     """Describe a terrain: size, unit, elevations, relief, share of flat land.
 
     Relief is highest less lowest elevation, over the whole map and within 2 workspace units of a
-    node; flat land has a local relief below 5 % of the whole map's.
+    node; flat land has a local relief below 5 % of the whole map's. Of a map with more than
+    `SIDE` x `SIDE` nodes the local relief is that of so many, evenly spaced.
     """
     z = terrain.elevation
     rows, columns = z.shape
     xmin, xmax, ymin, ymax = terrain.extent
-    local = local_relief(z, terrain.extent)
+    local = local_relief(thinned(terrain), terrain.extent)
     relief = float(np.ptp(z))
     unit = terrain.unit
     flat = np.mean(local < FLAT * relief) if relief else 1.0
@@ -63,7 +67,7 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
     with style.journal():
         figure = style.new_figure(style.COLUMN, 2.9)
         axes = figure.add_subplot()
-        image = style.show_relief(axes, terrain.elevation, terrain.extent)
+        image = style.show_relief(axes, thinned(terrain), terrain.extent)
         axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
         axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
         narrow = len(terrain.name) > 12 or terrain.world is not None
@@ -75,6 +79,18 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
         numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
         numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
         return style.save(figure, folder, f"terrain-{terrain.name}", numbers)[0]
+
+
+def thinned(terrain: Terrain) -> NDArray[np.float64]:
+    """Elevations at no more than `SIDE` x `SIDE` even nodes, shape (rows, columns).
+
+    A map that has no more gives its own, whatever its shape.
+    """
+    if terrain.elevation.size <= SIDE**2:
+        return terrain.elevation
+    rows, columns = (min(nodes, SIDE) for nodes in terrain.elevation.shape)
+    x, y = terrain.query_grid((rows, columns)).T
+    return terrain.elevation_at(x, y).reshape(rows, columns)
 
 
 def _world_axes(axes: "Axes", terrain: Terrain) -> None:

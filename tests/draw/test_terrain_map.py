@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
+from infoplan.analyse import local_relief
+from infoplan.draw import style, terrain_map
 from infoplan.draw.terrain_map import describe, draw_terrain
 from infoplan.terrain import Terrain
 
@@ -33,6 +35,45 @@ def test_description_of_a_terrain_with_known_numbers():
 def test_a_plain_is_flat_throughout():
     plain = Terrain("plain", np.full((5, 5), 3.0), (0.0, 9.0, 0.0, 9.0), "m", "0" * 64)
     assert described(plain)["flat land"].startswith("100 %")
+
+
+@pytest.fixture
+def no_large_relief(monkeypatch):
+    """Local relief and shading of more than 400 x 400 nodes fail, and do not take for ever."""
+
+    def guarded(function, place):
+        def inner(*arguments):
+            assert max(arguments[place].shape) <= 400
+            return function(*arguments)
+
+        return inner
+
+    monkeypatch.setattr(terrain_map, "local_relief", guarded(terrain_map.local_relief, 0))
+    monkeypatch.setattr(style, "show_relief", guarded(style.show_relief, 1))
+
+
+def test_a_large_map_is_described_by_all_nodes_and_relief_by_some(no_large_relief, tmp_path):
+    elevation = np.zeros((3601, 3601))
+    elevation[:, 1800:] = 100.0
+    elevation[7, 11] = -300.0
+    large = Terrain("large", elevation, (0.0, 50.0, 0.0, 50.0), "m", "0" * 64)
+    facts = described(large)
+    assert facts["nodes"].startswith("3601 x 3601,")
+    assert facts["elevation"] == "-300 to 100 m"
+    assert facts["mean, std"] == f"{elevation.mean():.0f}, {elevation.std():.0f} m"
+    assert facts["relief"].startswith("400 m; within 2 units 0 m")
+    # The step is felt by the land within 2 of 50 units on either side.
+    assert facts["flat land"].startswith("92 %")
+    assert draw_terrain(large, tmp_path).is_file()
+
+
+@pytest.mark.parametrize("shape", [(400, 400), (344, 403)])
+def test_a_map_of_few_nodes_is_not_thinned(shape):
+    elevation = np.random.default_rng(0).normal(0, 100, shape)
+    small = Terrain("small", elevation, (0.0, 399.0, 0.0, 399.0), "m", "0" * 64)
+    local = local_relief(elevation, small.extent)
+    assert described(small)["relief"].endswith(f"within 2 units {np.median(local):.0f} m (median)")
+    np.testing.assert_array_equal(terrain_map.thinned(small), elevation)
 
 
 def test_picture_with_the_pilot_path(volcano, tmp_path):
