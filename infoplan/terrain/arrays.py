@@ -1,8 +1,10 @@
 """Elevations from NumPy's files and from grids of numbers in a text."""
 
 import math
+import re
 import warnings
 import zipfile
+from itertools import islice
 from pathlib import Path
 from typing import IO
 
@@ -82,11 +84,11 @@ def read_text(file: Path, what: str) -> Floats:
     help_text = "give a line a row, all with the same number of numbers (a missing one is nan)"
     try:
         with file.open(encoding="utf-8-sig") as stream:
-            first = next((line for line in stream if line.strip()), None)
+            first = next((line for line in stream if not line.isspace()), None)
             if first is None:
                 raise UsageError(f"{what} is empty: {help_text}")
             delimiter = next((mark for mark in DELIMITERS if mark in first), None)
-            columns = len(first.split(delimiter))
+            columns = _columns(first, delimiter, what)
             stream.seek(0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of blank lines, which are passed over
@@ -106,6 +108,21 @@ def read_text(file: Path, what: str) -> Floats:
         raise UsageError(f"{what} is not a grid of numbers, {reason}: {help_text}") from error
     check_shape(elevation.shape, what)
     return elevation
+
+
+def _columns(line: str, delimiter: str | None, what: str) -> int:
+    """Count the fields of a line, by no list of them: it may be as long as the whole file."""
+    most = MAX_NODES // 2
+    if delimiter is None:
+        columns = sum(1 for _ in islice(re.finditer(r"\S+", line), most + 1))
+    else:
+        columns = line.count(delimiter) + 1
+    if columns > most:
+        raise UsageError(
+            f"the map in {what} has more than {most} columns, so that two rows are more than the "
+            f"{MAX_NODES} nodes that are read: cut or coarsen it first"
+        )
+    return columns
 
 
 def _chosen(name: str | None, arrays: list[str], what: str) -> str:

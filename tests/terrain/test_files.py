@@ -2,6 +2,7 @@
 
 import hashlib
 import struct
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -355,3 +356,29 @@ class TestText:
         path = tmp_path / "map.csv"
         np.savetxt(path, MAP)
         assert "more than the 11 that are read" in refusal(path)
+
+    @pytest.mark.parametrize("mark", [",", ";", "\t", " ", " \t "])
+    def test_lines_too_long_for_two_rows_are_not_parsed(self, mark, tmp_path, monkeypatch):
+        monkeypatch.setattr(grids, "MAX_NODES", 11)
+        monkeypatch.setattr(arrays, "MAX_NODES", 11)
+        path = tmp_path / "map.csv"
+        path.write_text("\n".join([mark.join("12345"), mark.join("67890")]))
+        assert load_terrain("file", path=path).elevation.shape == (2, 5)
+        monkeypatch.setattr(np, "loadtxt", None)
+        path.write_text(mark.join("123456"))
+        message = refusal(path)
+        assert "has more than 5 columns, so that two rows are more than the 11 nodes" in message
+
+    @pytest.mark.parametrize("mark", [",", " "])
+    def test_columns_are_counted_in_little_memory(self, mark, tmp_path, monkeypatch):
+        monkeypatch.setattr(arrays, "MAX_NODES", 2 * 50_000 - 1)
+        path = tmp_path / "map.csv"
+        path.write_text(mark.join(["10"] * 50_000))
+        tracemalloc.start()
+        try:
+            assert "two rows are more than" in refusal(path)
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        # A list of the fields would take twenty times the file.
+        assert peak < 10 * path.stat().st_size
