@@ -125,6 +125,9 @@ def _check_dataset(dataset: Any, file: Path, what: str, coarsen: bool) -> None:
 def _shape_read(dataset: Any) -> tuple[int, int]:
     """Rows and columns after coarsening: few enough, by square blocks as small as possible."""
     block = math.isqrt(math.ceil(dataset.height * dataset.width / MAX_NODES) - 1) + 1
+    # The blocks at the borders, cut off, count as whole ones.
+    while math.ceil(dataset.height / block) * math.ceil(dataset.width / block) > MAX_NODES:
+        block += 1
     return math.ceil(dataset.height / block), math.ceil(dataset.width / block)
 
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -227,6 +228,28 @@ class TestLarge:
         assert "give terrain.shape=[rows,columns]" in refusal(path)
         terrain = load_terrain("file", path=path, shape=[32, 40])
         np.testing.assert_allclose(terrain.elevation, blocks[::-1], rtol=1e-6)
+
+    def test_sizes_that_are_no_multiples_of_the_block(self, tmp_path, monkeypatch):
+        rows, columns = np.mgrid[0:71, 0:71].astype(np.float32)
+        path = write(tmp_path / "map.tif", 1000 + rows - 2 * columns,
+                     tiled=True, blockxsize=16, blockysize=16)  # fmt: skip
+        for module in (rasters, grids):
+            monkeypatch.setattr(module, "MAX_NODES", 1280)
+        # Blocks of 2 x 2 would be 36 x 36.
+        terrain = load_terrain("file", path=path, shape=[24, 24])
+        middle = 71 / 24 * (np.arange(24) + 0.5) - 0.5
+        expected = 1000 + middle[::-1, None] - 2 * middle
+        np.testing.assert_allclose(terrain.elevation, expected, atol=1.0)
+
+    @settings(max_examples=300, deadline=None)
+    @given(rows=st.integers(2, 30_000), columns=st.integers(2, 30_000), most=st.integers(4, 40_000))
+    def test_the_block_is_the_smallest_that_leaves_few_enough_nodes(self, rows, columns, most):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(rasters, "MAX_NODES", most)
+            shape = rasters._shape_read(SimpleNamespace(height=rows, width=columns))
+        blocks = np.arange(1, 30_001)
+        shapes = np.stack([-(-rows // blocks), -(-columns // blocks)], axis=1)
+        assert shape == tuple(shapes[np.argmax(shapes.prod(axis=1) <= most)])
 
     def test_missing_elevations_are_left_out_of_the_means(self, tmp_path, monkeypatch):
         fine = np.kron(MAP[:12, :16], np.ones((2, 2), np.int16))
