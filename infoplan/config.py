@@ -130,7 +130,12 @@ class RandomFieldConfig(TerrainConfig):
     seed: int = option(0, "which field of those with these options", at_least=0)
     shape: list[int] = option([100, 100], "rows and columns", at_least=2, length=2)
     lengthscale: list[float] = option(
-        [6.0, 6.0], "lengthscales along x and y", unit="workspace units", above=0, length=2
+        [6.0, 6.0],
+        "lengthscales along x and y",
+        unit="workspace units",
+        above=0,
+        at_most=1e100,
+        length=2,
     )
     amplitude: float = option(300.0, "standard deviation", unit="the terrain's", above=0)
     mean: float = option(1000.0, "mean", unit="the terrain's")

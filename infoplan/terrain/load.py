@@ -185,6 +185,11 @@ def _random_field(config: RandomFieldConfig) -> Source:
         config.amplitude,
         config.mean,
     )
+    grids.check_elevations(
+        elevation,
+        f"terrain=random_field with terrain.lengthscale={config.lengthscale}, "
+        f"terrain.amplitude={config.amplitude:g} and terrain.mean={config.mean:g}",
+    )
     # Its numbers are in whatever unit is named: nothing is converted.
     return Source(f"random_field-seed{config.seed}", Grid(elevation), array_digest(elevation))
 

@@ -68,8 +68,10 @@ def random_field(
     along_x = _waves(columns, sides[0], lengthscale[0], numbers[0])
     along_y = _waves(rows, sides[1], lengthscale[1], numbers[1])
     coefficients = np.random.default_rng(seed).standard_normal((counts[1], counts[0]))
-    field = mean + amplitude * (along_y @ coefficients @ along_x.T)
-    return np.round(field, DIGITS - math.floor(math.log10(amplitude)))
+    # Elevations that a double cannot hold become infinite or NaN.
+    with np.errstate(over="ignore", invalid="ignore"):
+        field = mean + amplitude * (along_y @ coefficients @ along_x.T)
+        return np.round(field, DIGITS - math.floor(math.log10(amplitude)))
 
 
 def _period(side: float, lengthscale: float) -> float:
@@ -79,7 +81,8 @@ def _period(side: float, lengthscale: float) -> float:
 
 def _wave_number(side: float, lengthscale: float) -> int:
     """Count the waves, in a period, of the shortest wave with a power above double precision."""
-    return math.ceil(REACH * _period(side, lengthscale) / (2 * math.pi * lengthscale))
+    number = REACH * _period(side, lengthscale) / (2 * math.pi * lengthscale)
+    return math.ceil(min(number, MAX_NODES))  # more are refused; it may be infinite
 
 
 def _waves(nodes: int, side: float, lengthscale: float, number: int) -> Floats:

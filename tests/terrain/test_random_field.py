@@ -76,13 +76,29 @@ def test_what_is_too_large():
         load_terrain("random_field", lengthscale=[1e-3, 1e-3])
     with pytest.raises(UsageError, match=r"terrain\.lengthscale=.* too short for a workspace"):
         load_terrain("random_field", lengthscale=[1e-300, 5.0])
+    with pytest.raises(UsageError, match=r"terrain\.lengthscale=.* too short for a workspace"):
+        load_terrain("random_field", lengthscale=[1e-320, 6.0])
     assert load_terrain("random_field", lengthscale=[0.05, 0.05], shape=[9, 9]).elevation.std() > 0
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("amplitude", [1e-320, 1e-300, 1e308])
+def test_elevations_that_no_double_holds_are_refused(amplitude):
+    with pytest.raises(UsageError, match=r"terrain=random_field .* terrain\.amplitude="):
+        load_terrain("random_field", amplitude=amplitude)
+
+
+@pytest.mark.parametrize("options", [{"lengthscale": [1e9, 1e9]}, {"mean": 1e300}])
+def test_a_field_that_does_not_vary_is_no_map(options):
+    with pytest.raises(UsageError, match=r"terrain=random_field .* everywhere: there is nothing"):
+        load_terrain("random_field", **options)
+    assert load_terrain("random_field", lengthscale=[1e9, 6.0]).elevation.std() > 0
 
 
 @pytest.mark.parametrize(
     ("option", "value"),
     [("seed", -1), ("amplitude", 0.0), ("lengthscale", [1.0, 0.0]), ("lengthscale", [1.0]),
-     ("shape", [1, 5]), ("mean", float("nan"))],
+     ("lengthscale", [6.0, 1e308]), ("shape", [1, 5]), ("mean", float("nan"))],
 )  # fmt: skip
 def test_bounds(option, value):
     with pytest.raises(UsageError, match=rf"terrain\.{option}="):
