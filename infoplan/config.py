@@ -559,6 +559,12 @@ def validate(config: MissionConfig) -> None:
             f"terrain.extent={config.terrain.extent} is too small for the robot: each side must be "
             f"at least twice robot.speed x robot.samples_per_action = {2 * action:g}"
         )
+    planner, speed = config.planner, config.robot.speed
+    if isinstance(planner, LawnmowerConfig) and planner.spacing < speed:
+        raise UsageError(
+            f"planner.spacing={planner.spacing:g} is too narrow: it must be at least "
+            f"robot.speed={speed:g}, the distance between samples"
+        )
     if config.budget <= config.pilot.samples:
         raise UsageError(
             f"budget={config.budget} leaves nothing to plan: it counts the pilot and must be above "

@@ -137,6 +137,10 @@ def test_a_failing_function_is_a_failed_mission(tmp_path, monkeypatch, capfd):
         ("detector.tresh=1", "there is no option 'detector.tresh' (did you mean"),
         ("detector.neighbours=3", "the chosen detector has no option 'detector.neighbours'"),
         ("planner=random planner.rollouts=3", "the chosen planner has no option"),
+        (
+            "planner=lawnmower planner.spacing=1e-9",
+            "planner.spacing=1e-09 is too narrow: it must be at least robot.speed=0.7",
+        ),
         ("model=student_t model.dof=2", "model.dof=2.0 is out of bounds: it must be above 2"),
     ],
 )

@@ -1,5 +1,7 @@
 """Boustrophedon coverage with the car's own actions: a planner that looks at no measurement."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,26 +88,30 @@ def coverage_path(
     ndarray, shape (n, 2)
     """
     low, size = np.array(extent[0::2]), np.subtract(extent[1::2], extent[0::2])
-    counts = np.ceil(size / spacing).astype(int)
-    tracks = [low[a] + (np.arange(counts[a]) + 0.5) * size[a] / counts[a] for a in (0, 1)]
+    counts = [math.ceil(side / spacing) for side in size]
     inset = np.minimum(spacing / 2, size / 4)
     ends = np.array([low + inset, low + size - inset])
     corners = [np.asarray(start, dtype=np.float64)]
     along, at_far_end, driven = 0, [False, False], 0.0
     while driven < length:
         across = 1 - along
-        for track in tracks[across][:: -1 if at_far_end[across] else 1]:
+        for passed in range(counts[across]):
+            number = counts[across] - 1 - passed if at_far_end[across] else passed
+            track = low[across] + (number + 0.5) * size[across] / counts[across]
             for far in (at_far_end[along], not at_far_end[along]):
                 corner = np.empty(2)
                 corner[along], corner[across] = ends[int(far), along], track
                 driven += float(np.hypot(*(corner - corners[-1])))
                 corners.append(corner)
             at_far_end[along] = not at_far_end[along]
+            if driven >= length:
+                break
         at_far_end[across] = not at_far_end[across]
         along = across
     points = np.array(corners)
     distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    even = np.arange(0.0, distance[-1], step)
+    # A single track may be far longer than what is needed of it.
+    even = np.arange(0.0, min(distance[-1], length + step), step)
     return np.column_stack([np.interp(even, distance, points[:, a]) for a in (0, 1)])
 
 

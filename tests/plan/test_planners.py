@@ -200,6 +200,14 @@ def test_the_path_of_tracks(spacing):
     assert distance.max() <= max(spacing, 25.0 * (spacing > 40)) * 0.75 + 0.5
 
 
+@pytest.mark.parametrize("side", [5e4, 1e12])
+def test_no_more_of_the_path_than_is_needed(side):
+    """All tracks of so wide a workspace, or the points on them, would take all memory."""
+    path = coverage_path(np.array([0.0, 0.0]), (0.0, side, 0.0, side), 0.7, 0.7, 2000.0)
+    assert (np.hypot(*np.diff(path[:2900], axis=0).T) <= 0.7 + 1e-9).all()
+    assert len(path) >= 2000
+
+
 def test_progress_along_a_path():
     path = np.column_stack([np.arange(100.0), np.zeros(100)])
     way = np.column_stack([np.arange(0.0, 30.0), np.sin(np.arange(30.0))])
