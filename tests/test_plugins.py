@@ -1,10 +1,12 @@
 """Every planner, detector and model, and the examples of own ones, from the command line."""
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import pandas as pd
@@ -35,6 +37,16 @@ OWN = {
 def in_examples(monkeypatch):
     monkeypatch.chdir(EXAMPLES)
     monkeypatch.setattr(sys, "path", list(sys.path))
+
+
+def test_the_help_lists_the_choices_of_every_group(capfd):
+    assert main(["run", "--help"]) == 0
+    listed = dict(re.findall(r"^ +(\w+)=([\w|]+)$", capfd.readouterr().out, re.MULTILINE))
+    assert set(listed) == {"planner", "detector", "terrain", "model", "experiment"}
+    for group, choices in listed.items():
+        names = [entry.name for entry in resources.files("infoplan.conf").joinpath(group).iterdir()]
+        stems = {name.removesuffix(".yaml") for name in names if name.endswith(".yaml")}
+        assert set(choices.split("|")) == stems, group
 
 
 @pytest.mark.parametrize(
