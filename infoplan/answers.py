@@ -23,10 +23,14 @@ def checked_actions(actions: Any, situation: Situation, name: str) -> Integers:
     RunError
         If they are not.
     """
-    plan = np.asarray(actions)
+    try:
+        plan = np.asarray(actions)
+    except (TypeError, ValueError):
+        plan = np.array(None)  # lists of different lengths, for example
     if plan.ndim != 1 or (len(plan) and plan.dtype.kind not in "iu"):
+        given = " ".join(repr(actions).split())
         raise RunError(
-            f"the planner {name} gave {actions!r}: it must return a list of actions, whole numbers"
+            f"the planner {name} gave {given}: it must return a list of actions, whole numbers"
         )
     if len(plan) and not (plan.min() >= 0 and plan.max() < len(situation.steering)):
         raise RunError(

@@ -234,6 +234,8 @@ BROKEN = {
     f"{PLANNER} return [-1]": "from 0 to 4",
     f"{PLANNER} return [0.5]": "must return a list of actions, whole numbers",
     f"{PLANNER} return None": "must return a list of actions",
+    f"{PLANNER} return [[0], [1, 2]]": r"wrong gave \[\[0\], \[1, 2\]\]: it must return a list of",
+    f"{PLANNER} return np.zeros((2, 2), int)": "must return a list of actions",
     f"{PLANNER} return [2] * 30": "leave the workspace",
     f"{PLANNER} situation.std[:] = 1": "failed in epoch 1: ValueError: assignment destination",
 }
