@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from infoplan.config import (
@@ -193,17 +194,21 @@ def culprit_named(config: MissionConfig, doing: str) -> Iterator[None]:
     except (UsageError, RunError):
         raise
     except Exception as error:
-        frames = traceback.extract_tb(error.__traceback__)
-        for group in METHODS:
-            options = getattr(config, group)
-            theirs = [frame for frame in frames if _is_of(group, options, frame.filename)]
-            if theirs:
-                reason = " ".join(f"{type(error).__name__}: {error}".split())
-                where = f"{Path(theirs[-1].filename).name}, line {theirs[-1].lineno}"
-                raise RunError(
-                    f"the {group} {method_label(options)} failed {doing}: {reason} ({where})"
-                ) from error
-        raise
+        calls = [(frame.f_code, line) for frame, line in traceback.walk_tb(error.__traceback__)]
+        group = _culprit(config, [code for code, _ in calls])
+        if group is None:
+            raise
+        options = getattr(config, group)
+        file, line = next(
+            (code.co_filename, line)
+            for code, line in reversed(calls)
+            if _is_of(group, options, code.co_filename)
+        )
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise RunError(
+            f"the {group} {method_label(options)} failed {doing}: {reason} "
+            f"({Path(file).name}, line {line})"
+        ) from error
 
 
 def _built_in(group: str) -> dict[str, Callable[..., Any]]:
@@ -219,6 +224,38 @@ def _built_in(group: str) -> dict[str, Callable[..., Any]]:
     from infoplan.model import MODELS
 
     return MODELS
+
+
+def _culprit(config: MissionConfig, codes: list[CodeType]) -> str | None:
+    """Find the group whose method was called, by the outermost call that is one's own.
+
+    Several methods may be in one file: it alone tells only where no method is seen in its calls,
+    as with a decorator that fails.
+    """
+    for by_file in (False, True):
+        for code in codes:
+            for group in METHODS:
+                options = getattr(config, group)
+                if _is_of(group, options, code.co_filename) and (
+                    by_file or _is_part(code.co_qualname, group, options)
+                ):
+                    return group
+    return None
+
+
+def _is_part(name: str, group: str, options: Any) -> bool:
+    """Tell whether a qualified name in an own method's file is that method's or in it.
+
+    True of a method that has no name of its own, such as an instance, and of all that PyOD has.
+    """
+    if not isinstance(options, OWN):
+        return True
+    method = _load(group, options)
+    if not hasattr(method, "__qualname__"):
+        return True
+    # Of a class also those that it derives from: their methods are its own.
+    parts = inspect.getmro(method) if inspect.isclass(method) else (method,)
+    return any(f"{name}.".startswith(f"{part.__qualname__}.") for part in parts)
 
 
 def _is_of(group: str, options: Any, filename: str) -> bool:

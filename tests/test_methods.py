@@ -268,6 +268,116 @@ def test_a_model_that_fails_is_one_sentence(odd, words, write, volcano):
     assert "\n" not in str(caught.value)
 
 
+ONE_FILE = """
+import functools
+
+import numpy as np
+
+
+def passed_on(function):
+    @functools.wraps(function)
+    def inner(*arguments, **options):
+        return function(*arguments, **options)
+    return inner
+
+
+def fails_itself(function):
+    @functools.wraps(function)
+    def inner(*arguments, **options):
+        raise KeyError("inner")
+    return inner
+
+
+@passed_on
+def ahead(situation, rng):
+    if {planner_fails}:
+        helper()
+    return situation.valid_actions()[:1]
+
+
+def helper():
+    raise KeyError("helper")
+
+
+def calm(samples, model, rng):
+    return samples.measured > 1e9, samples.measured
+
+
+def wrong(samples, model, rng):
+    return helper()
+
+
+def asks(samples, model, rng):
+    return model.nothing
+
+
+@fails_itself
+def wrapped(samples, model, rng):
+    return calm(samples, model, rng)
+
+
+class Base:
+    def __init__(self, x_pilot, y_pilot):
+        self.mean = y_pilot.mean()
+
+    def append(self, x, y):
+        raise KeyError("base")
+
+    def optimize(self, iterations):
+        pass
+
+    def predict(self, x):
+        return np.full(len(x), self.mean), np.ones(len(x))
+
+
+class Derived(Base):
+    pass
+
+
+class Whole(Base):
+    def append(self, x, y):
+        pass
+
+    replace = append
+"""
+
+
+@pytest.mark.parametrize(
+    ("planner_fails", "detector", "model", "words"),
+    [
+        (False, "wrong", "Whole", "the detector wrong failed in epoch 1: KeyError: 'helper'"),
+        (False, "asks", "Whole", "the detector asks failed in epoch 1: AttributeError"),
+        (True, "wrong", "Whole", "the planner ahead failed in epoch 1: KeyError: 'helper'"),
+        (False, "calm", "Derived", "the model Derived failed in epoch 1: KeyError: 'base'"),
+    ],
+)
+def test_of_methods_in_one_file_the_one_that_was_called_is_named(
+    planner_fails, detector, model, words, write, volcano
+):
+    path = write()
+    path.write_text(ONE_FILE.format(planner_fails=planner_fails))
+    made = config(
+        planner=OwnPlannerConfig(function="mine.ahead"),
+        detector=OwnDetectorConfig(function=f"mine.{detector}"),
+        model=OwnModelConfig(function=f"mine.{model}"),
+    )
+    with pytest.raises(RunError) as caught:
+        fly(made, volcano)
+    assert str(caught.value).startswith(words)
+    # What failed is helper, asks or append: the last of the lines of this file that were run.
+    place = {"asks": "return model.nothing", "calm": 'KeyError("base")'}
+    failed = place.get(detector, 'KeyError("helper")')
+    lines = path.read_text().splitlines()
+    number = next(i for i, line in enumerate(lines, start=1) if failed in line)
+    assert str(caught.value).endswith(f"(mine.py, line {number})")
+
+
+def test_a_decorator_that_fails_is_the_method_s(write, volcano):
+    write().write_text(ONE_FILE.format(planner_fails=False))
+    with pytest.raises(RunError, match="detector wrapped failed in epoch 1: KeyError: 'inner'"):
+        fly(config(detector=OwnDetectorConfig(function="mine.wrapped")), volcano)
+
+
 def test_a_model_without_noise_has_no_noisy_deviation(write, volcano):
     write()
     made = config(model=OwnModelConfig(function="mine.Flat"))
