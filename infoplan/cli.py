@@ -1,6 +1,7 @@
 """The console command: parse, call, print."""
 
 import os
+import re
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -122,7 +123,7 @@ def _audit(arguments: list[str]) -> int:
     defaults: dict[str, Any] = dict.fromkeys(["run", "seeds", "terrain.path", "terrain.member"])
     chosen = parse("audit", arguments, {"results_dir": "results"} | defaults)
     seeds = None if chosen["seeds"] is None else seed_list(chosen["seeds"])
-    results_dir = Path(chosen["results_dir"])
+    results_dir = Path(chosen["results_dir"]).expanduser()
     maps = stored_terrains(results_dir, chosen["terrain.path"], chosen["terrain.member"])
     known = {terrain.sha256: terrain.elevation for terrain in maps}
     findings = list(audit(results_dir, chosen["run"], seeds, known))
@@ -167,7 +168,8 @@ def _show_terrain(arguments: list[str]) -> int:
         options["on_missing"] = "error"
     terrain = load_terrain(**options)
     print(describe(terrain))
-    print(f"drawn to {draw_terrain(terrain, Path(chosen['results_dir']) / 'figures')}")
+    folder = Path(chosen["results_dir"]).expanduser()
+    print(f"drawn to {draw_terrain(terrain, folder / 'figures')}")
     return EXIT_OK
 
 
@@ -240,6 +242,7 @@ def _report(arguments: list[str]) -> int:
 
 
 def _replay(arguments: list[str]) -> int:
+    from functools import partial
     from pathlib import Path
 
     from infoplan.draw.replay_table import print_replay
@@ -261,9 +264,10 @@ def _replay(arguments: list[str]) -> int:
     console = wide_console()
     results_dir = Path(chosen.pop("results_dir")).expanduser()
     overrides = [argument for argument in rest if argument not in own]
-    done = replay_run(results_dir, named[0], overrides, tell=console.print, **chosen)
+    tell = partial(console.print, soft_wrap=True, markup=False)
+    done = replay_run(results_dir, named[0], overrides, tell=tell, **chosen)
     print_replay(done, results_dir, console)
-    return EXIT_OK
+    return EXIT_FAILED if done.failed else EXIT_OK
 
 
 def _leaderboard(arguments: list[str]) -> int:
@@ -276,7 +280,15 @@ def _leaderboard(arguments: list[str]) -> int:
     from infoplan.study.summary import wide_console
 
     defaults: dict[str, Any] = {"results_dir": "results", "--markdown": False, "--html": False}
-    filters = {"planner", "detector", "model", "terrain", "rho", "seed", *_options_of_runs()}
+    filters = {
+        "planner",
+        "detector",
+        "model",
+        "terrain",
+        "rho",
+        "seed",
+        *_options_of_runs(arguments),
+    }
     chosen = parse("leaderboard", arguments, defaults | dict.fromkeys(filters))
     if chosen["--markdown"] and chosen["--html"]:
         raise UsageError("the leaderboard is written as --markdown or as --html, not both")
@@ -320,7 +332,7 @@ def _study(
     from infoplan.analyse.tables import find_study
     from infoplan.overrides import parse
 
-    of_runs = _options_of_runs()
+    of_runs = _options_of_runs(arguments)
     filters = [argument for argument in arguments if argument.partition("=")[0] in of_runs]
     rest = [argument for argument in arguments if argument not in filters]
     chosen = parse(command, rest, {"results_dir": "results", "terrain": None, **defaults})
@@ -328,13 +340,21 @@ def _study(
     return find_study(chosen["results_dir"], terrain=chosen["terrain"], **wanted), chosen
 
 
-def _options_of_runs() -> set[str]:
+def _options_of_runs(arguments: list[str]) -> set[str]:
     """Options that a run can be chosen by; groups and rho have their own names."""
-    from infoplan.config import MissionConfig, options
+    from infoplan.config import METHODS, TERRAIN_SCHEMAS, MissionConfig, options
 
     names = {name for name, _, _ in options(MissionConfig()) if "." in name}
+    for group, choices in METHODS.items():
+        names |= {name for one in choices.values() for name, _, _ in options(one, f"{group}.")}
+    for schema in TERRAIN_SCHEMAS.values():
+        names |= {name for name, _, _ in options(schema(), "terrain.")}
+    # Of options of the user's own functions, and of PyOD's classes, there is no list.
+    own = (argument.partition("=")[0] for argument in arguments)
+    names |= {name for name in own if re.match(r"\w+\.(options|params)\.", name)}
     # Where a map came from is not stored.
-    return (names | {"budget", "grid"}) - {"terrain.path", "terrain.on_missing"}
+    stored = names - {"terrain.path", "terrain.member", "terrain.on_missing"}
+    return stored | {"budget", "grid", "terrain.sha256"}
 
 
 COMMANDS = {

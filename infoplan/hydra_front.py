@@ -59,11 +59,8 @@ INFO_CHOICES = ("all", "config", "defaults", "defaults-tree", "plugins", "search
 Act = Callable[[list[Config]], tuple[int, list[float]]]
 """What is done with the configurations of a study: gives exit status and one number for each."""
 
-_act: Act
-"""What to do in this call: Hydra cannot hand it on."""
-
-OWN_OPTION = re.compile(r"\w+\.(options|params)\.")
-"""How an option of a user's own function, or of one of PyOD's classes, begins."""
+OWN_OPTION = re.compile(r"\w+\.(options|params)[.=]")
+"""How options of a user's own function, or of one of PyOD's classes, begin."""
 
 _statuses: list[int | Exception] = []
 """Exit status or error of each study: Hydra keeps what a job returns or raises to itself."""
@@ -417,6 +414,10 @@ def _run_and_print(configs: list[Config]) -> tuple[int, list[float]]:
     study = run_study(configs, console)
     print_summary(study, console)
     return int(bool(study.failed)), final_rmse(study)
+
+
+_act: Act = _run_and_print
+"""What to do in this call: Hydra cannot hand it on. A launcher's other processes run missions."""
 
 
 def _show_plan(configs: list[Config]) -> tuple[int, list[float]]:

@@ -70,6 +70,18 @@ def test_values_in_python_are_the_options_of_the_command_line():
     assert config.model.iterations == "per_sample"
 
 
+def test_a_mapping_of_options_is_one_value():
+    params = {"n_neighbors": 5, "method": "mean"}
+    config = infoplan.configure(
+        "detector=pyod", **{"detector.model": "KNN", "detector.params": params}
+    )
+    assert config.detector.params == params
+    config = infoplan.configure("detector=pyod", "detector.params={n_neighbors: 7}")
+    assert config.detector.params == {"n_neighbors": 7}
+    with pytest.raises(infoplan.UsageError, match="params"):
+        infoplan.configure("detector=copod", "detector.params={n_neighbors: 7}")
+
+
 @pytest.mark.parametrize(
     ("override", "words"),
     [

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from infoplan.analyse.curves import mean_between
 from infoplan.analyse.statistics import RESAMPLES, Interval
-from infoplan.analyse.tables import REPLAY, Options, flatten, read_table
+from infoplan.analyse.tables import REPLAY, Options, demand_whole, flatten, stored_footers
 from infoplan.errors import RunError, UsageError
-from infoplan.study.store import read_footer, table_path
+from infoplan.study.store import read_table
 
 METHOD = ("planner", "detector", "model")
 """Parts of a configuration that make a method."""
@@ -271,9 +271,12 @@ def _interval(mean: float, drawn: Floats, n: int) -> Interval:
 
 def _numbers(folder: Path, mission: Stored) -> tuple[float, float, float]:
     """Area and final RMSE of a mission in standard deviations of its map, and its seconds."""
-    curve = read_table(table_path(folder, "curves", mission.run, mission.seed))
-    truth = read_table(table_path(folder, "maps", mission.run, mission.seed))["truth"]
-    deviation = float(truth.std(ddof=0))
+    demand_whole(folder, [(mission.run, mission.seed)])
+    curve, maps = (
+        read_table(folder, name, mission.run, mission.seed).to_pandas()
+        for name in ("curves", "maps")
+    )
+    deviation = float(maps["truth"].std(ddof=0))
     area = mean_between(curve, float(curve["collected"].iloc[0]), np.inf)
     seconds = float(curve.filter(like="_seconds").to_numpy().sum())
     return area / deviation, float(curve["rmse"].iloc[-1]) / deviation, seconds
@@ -299,10 +302,9 @@ def _common_seeds(
 def _stored(folder: Path) -> list[Stored]:
     """List all finished missions that were flown; replays are nobody's method."""
     missions, parts = [], {}
-    for path in sorted(folder.glob("curves/run=*/seed=*.parquet")):
-        footer = read_footer(path)
+    for run, seed, footer in stored_footers(folder):
         try:
-            run, science = str(footer["run"]), footer["configuration"]
+            science = footer["configuration"]
             if REPLAY in science:
                 continue
             if run not in parts:
@@ -313,10 +315,10 @@ def _stored(folder: Path) -> list[Stored]:
                     flatten(rest),
                     float(science["rho"]),
                 )
-            missions.append(Stored(run, int(footer["seed"]), *parts[run]))
+            missions.append(Stored(run, seed, *parts[run]))
         except KeyError as error:
             raise RunError(
-                f"the footer of {path} lacks {error}: delete it and run its configuration again"
+                f"the footer of {run} seed {seed} lacks {error}: run its configuration again"
             ) from error
     return missions
 

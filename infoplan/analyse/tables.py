@@ -1,6 +1,6 @@
 """Stored missions: which are there, which belong together, and their tables."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -145,6 +145,7 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     runs = list(dict.fromkeys(missions["run"]))
     options = {run: options[run] for run in runs}
     _check_together(missions, options)
+    demand_whole(folder, zip(missions["run"], missions["seed"].tolist(), strict=True))
     first = options[runs[0]]
     return Selection(
         folder,
@@ -256,41 +257,17 @@ def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Options:
     return flat
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """Read one table file.
-
-    Raises
-    ------
-    RunError
-        If it is damaged or missing.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            frame: pd.DataFrame = file.read().to_pandas()
-    except (OSError, pa.ArrowException) as error:
-        raise RunError(
-            f"{path} cannot be read (damaged or missing): run its configuration again"
-        ) from error
-    return frame
-
-
 def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
     """List all finished missions, and the configuration of each run, from the curves' footers."""
-    from infoplan.study.store import read_footer
-
     rows, options = [], {}
-    for path in sorted(folder.glob("curves/run=*/seed=*.parquet")):
-        footer = read_footer(path)
+    for run, seed, footer in stored_footers(folder):
         try:
-            run, flat = str(footer["run"]), flatten(footer["configuration"])
+            flat = flatten(footer["configuration"])
             options[run] = flat
             rows.append(
                 {
                     "run": run,
-                    "seed": int(footer["seed"]),
+                    "seed": seed,
                     "method": _method(flat),
                     "planner": flat["planner.name"],
                     "detector": flat["detector.name"],
@@ -303,9 +280,53 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
             )
         except KeyError as error:
             raise RunError(
-                f"the footer of {path} lacks {error}: delete it and run its configuration again"
+                f"the footer of {run} seed {seed} lacks {error}: run its configuration again"
             ) from error
     return pd.DataFrame(rows), options
+
+
+def stored_footers(folder: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
+    """Read the footers of all curves.
+
+    Yields
+    ------
+    run : str
+    seed : int
+    footer : dict
+
+    Raises
+    ------
+    RunError
+        If a curve cannot be read, or is another mission's than its path says.
+    """
+    from infoplan.study.store import list_missions, read_footer, table_path
+
+    for run, seeds in list_missions(folder).items():
+        for seed in seeds:
+            path = table_path(folder, "curves", run, seed)
+            footer = read_footer(path)
+            if (footer.get("run"), footer.get("seed")) != (run, seed):
+                raise RunError(
+                    f"{path} belongs to {footer.get('run')} seed {footer.get('seed')}: delete it "
+                    "and run its configuration again"
+                )
+            yield run, seed, footer
+
+
+def demand_whole(folder: Path, missions: Iterable[tuple[str, int]]) -> None:
+    """Refuse missions whose tables are damaged, or do not belong together.
+
+    Raises
+    ------
+    RunError
+        Names the first one.
+    """
+    from infoplan.study.store import inspect
+
+    for run, seed in missions:
+        stored = inspect(folder, run, seed)
+        if stored.state != "done":
+            raise RunError(stored.reason or f"{run} seed {seed} has gone meanwhile: run it again")
 
 
 def _method(flat: Options) -> str:
@@ -446,7 +467,7 @@ def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
 
 
 def _load(source: str | Path | Selection, table: str, filters: dict[str, Any]) -> pd.DataFrame:
-    from infoplan.study.store import table_path
+    from infoplan.study.store import read_table
 
     if isinstance(source, Selection):
         if filters:
@@ -456,7 +477,8 @@ def _load(source: str | Path | Selection, table: str, filters: dict[str, Any]) -
         selection = find_missions(source, **filters)
     frames = []
     for row in _rows(selection.missions):
-        frame = read_table(table_path(selection.results_dir, table, row["run"], row["seed"]))
+        stored = read_table(selection.results_dir, table, row["run"], row["seed"])
+        frame: pd.DataFrame = stored.to_pandas()
         for position, name in enumerate(("run", "method", "planner", "detector", "scope", "rho")):
             if name not in frame:
                 frame.insert(position, name, row[name])

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from infoplan.detect.evidence import Evidence, Judgement
 
+Floats = NDArray[np.float64]
+
 
 def copod(
     samples: Evidence,
@@ -35,16 +37,37 @@ def copod(
     flagged : ndarray of bool, shape (n,)
     score : ndarray, shape (n,)
     """
-    if score == "pyod":
-        detector = _pyod_copod(contamination)
-        detector.fit(samples.measured[:, None])
-        return detector.labels_.astype(bool), detector.decision_scores_.astype(np.float64)
-    scores = paper_score(samples.measured)
+    scores = pyod_score(samples.measured) if score == "pyod" else paper_score(samples.measured)
     # PyOD's rule: the threshold is the percentile, and a score must lie above it.
     return scores > np.percentile(scores, 100 * (1 - contamination)), scores
 
 
-def paper_score(y: NDArray[np.float64]) -> NDArray[np.float64]:
+def pyod_score(y: Floats) -> Floats:
+    """Larger of the skewness-corrected tail and the mean of both tails, shape (n,).
+
+    The numbers of PyOD's COPOD to the last bit, in each of its steps; its import would take longer
+    than everything else that a worker loads.
+    """
+    n, ordered = len(y), np.sort(y)
+    probabilities = np.linspace(np.ones(1) / n, np.ones(1), n)
+    left = -1 * np.log(probabilities[np.searchsorted(ordered, y, side="right") - 1])
+    right = -1 * np.log(probabilities[n - np.searchsorted(ordered, y, side="left") - 1])
+    sign = _skewness_sign(y[:, None])
+    corrected = left * -1 * np.sign(sign - 1) + right * np.sign(sign + 1)
+    scores: Floats = np.maximum(corrected, np.add(left, right) / 2)[:, 0]
+    return scores
+
+
+def _skewness_sign(columns: Floats) -> Floats:
+    """Sign of the skewness of each column, 0 where its values are equal to rounding."""
+    mean = columns.mean(axis=0, keepdims=True)
+    centred = columns - mean
+    second, third = np.mean(centred**2, axis=0), np.mean(centred**2 * centred, axis=0)
+    constant = second <= (np.finfo(np.float64).eps * mean[0]) ** 2
+    return np.where(constant, 0.0, np.sign(third))
+
+
+def paper_score(y: Floats) -> Floats:
     """Largest negative log probability among the tails of the empirical copula, shape (n,).
 
     The skewness-corrected tail is one of the two others in one dimension, so the maximum over the
@@ -55,10 +78,3 @@ def paper_score(y: NDArray[np.float64]) -> NDArray[np.float64]:
     # Counted before dividing: 1 - left would round ties between the tails apart.
     right = (len(y) - np.searchsorted(ordered, y, side="left")) / len(y)
     return -np.log(np.minimum(left, right))
-
-
-def _pyod_copod(contamination: float):  # type: ignore[no-untyped-def]
-    # PyOD imports pyplot and numba: only a mission that uses it should wait for them.
-    from pyod.models.copod import COPOD
-
-    return COPOD(contamination=contamination)

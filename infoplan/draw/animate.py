@@ -16,13 +16,13 @@ from rich.console import Console
 from rich.progress import track
 
 from infoplan.analyse.relief import on_grid
-from infoplan.analyse.tables import find_missions, read_table
+from infoplan.analyse.tables import find_missions
 from infoplan.config import MissionConfig
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.study.identity import config_from_science
-from infoplan.study.store import read_footer, table_path
+from infoplan.study.store import read_footer, read_table, table_path
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
 
@@ -225,7 +225,7 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
         read_footer(table_path(results_dir, "curves", run, seed))["configuration"]
     )
     curve, samples, maps = (
-        read_table(table_path(results_dir, name, run, seed))
+        read_table(results_dir, name, run, seed).to_pandas()
         for name in ("curves", "samples", "maps")
     )
     return Recording(run, seed, config, samples, curve, on_grid(maps, "truth"))

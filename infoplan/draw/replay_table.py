@@ -15,6 +15,21 @@ if TYPE_CHECKING:
 
 
 def print_replay(done: Replay, results_dir: Path, console: "Console") -> None:
+    """Print what was replayed, and how it compares with what was flown."""
+    if done.seeds:
+        _print_table(done, results_dir, console)
+    console.print(f"flown:    {done.source.name}", soft_wrap=True)
+    console.print(f"replayed: {done.run.name}", soft_wrap=True)
+    counts = f"{done.computed} missions replayed, {len(done.seeds) - done.computed} kept"
+    if done.failed:
+        counts += f", {done.failed} failed"
+    console.print(
+        f"{counts} in {done.seconds:.1f} s; tables: {results_dir}/curves, samples, maps",
+        soft_wrap=True,
+    )
+
+
+def _print_table(done: Replay, results_dir: Path, console: "Console") -> None:
     """Print RMSE along the budget and the detectors' counts of a run and its replay."""
     from rich import box
     from rich.table import Table
@@ -44,14 +59,6 @@ def print_replay(done: Replay, results_dir: Path, console: "Console") -> None:
     gained = [_show(bootstrap_mean(column)) for column in (errors[1] - errors[0]).T]
     table.add_row("replayed less flown", *gained)
     console.print(table)
-    console.print(f"flown:    {done.source.name}", soft_wrap=True)
-    console.print(f"replayed: {done.run.name}", soft_wrap=True)
-    kept = len(done.seeds) - done.computed
-    console.print(
-        f"{done.computed} missions replayed, {kept} kept in {done.seconds:.1f} s; tables: "
-        f"{results_dir}/curves, samples, maps",
-        soft_wrap=True,
-    )
 
 
 def _show(interval: Interval) -> str:

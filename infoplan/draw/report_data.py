@@ -18,10 +18,10 @@ from infoplan.analyse.curves import common_axis, missions, on_common_axis, summa
 from infoplan.analyse.detection import detector_quality
 from infoplan.analyse.relief import by_relief, grid_of, on_grid
 from infoplan.analyse.statistics import RESAMPLES, Interval, bootstrap_band, bootstrap_mean
-from infoplan.analyse.tables import Selection, load_curves, load_samples, read_table
+from infoplan.analyse.tables import Selection, load_curves, load_samples
 from infoplan.draw import style
 from infoplan.draw.fig5 import PANELS
-from infoplan.study.store import read_footer, table_path
+from infoplan.study.store import read_footer, read_table, table_path
 
 Floats = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
@@ -224,7 +224,8 @@ def alarm_map(selection: Selection, panels: Sequence[Panel]) -> dict[str, Any]:
         layers with their count and packed points, the split by relief.
     """
     first = selection.missions.iloc[0]
-    maps = read_table(table_path(selection.results_dir, "maps", first["run"], int(first["seed"])))
+    key = (first["run"], int(first["seed"]))
+    maps = read_table(selection.results_dir, "maps", *key).to_pandas()
     extent = grid_of(maps).extent
     runs = [
         {"panel": panel.title, "method": method} | _alarms_of(selection.only([run]), extent)
@@ -238,7 +239,7 @@ def _alarms_of(run: Selection, extent: Extent) -> dict[str, Any]:
     """Count and place a run's flags, and split its errors and false alarms by terrain relief."""
     samples = load_samples(run)
     thirds = pd.concat(
-        by_relief(rows, read_table(table_path(run.results_dir, "maps", *key)))
+        by_relief(rows, read_table(run.results_dir, "maps", *key).to_pandas())
         for key, rows in missions(samples)
     ).groupby("class", sort=False)
     alarms = thirds[["false_alarms", "clean"]].sum()

@@ -62,8 +62,8 @@ class Pace:
         """
         if kind in self.measured or not self.measured:
             return self.of_kind(kind)
-        # Scaling over a small distance errs little.
-        distance = {known: abs(math.log(known.work / kind.work)) for known in self.measured}
+        # Scaling over a small distance errs little. A copy: the display's thread asks, too.
+        distance = {known: abs(math.log(known.work / kind.work)) for known in list(self.measured)}
         nearest = [known for known in distance if distance[known] == min(distance.values())]
         return _mean(_mean(self.measured[known]) * kind.work / known.work for known in nearest)
 

@@ -27,6 +27,9 @@ ONE_THREAD = dict.fromkeys(
 )  # fmt: skip
 """Environment of a worker: missions run side by side, each on one thread."""
 
+_one_mission = threading.Lock()
+"""Held by the mission that a process flies."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -99,7 +102,7 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
                 "seconds": time.perf_counter() - clock,
             }
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a method of the user's may call sys.exit
         return failed(task, error, time.perf_counter() - clock)
     return Outcome(task, time.perf_counter() - clock, tables, footer)
 
@@ -110,7 +113,11 @@ def fly_here(task: Task, address: Address | None) -> Outcome:
 
 
 def fly_on_dask(task: Task, topic: str) -> Outcome:
-    """Fly a mission on a Dask worker, and report through Dask's events."""
+    """Fly a mission on a Dask worker, and report through Dask's events.
+
+    A worker of several threads flies one mission at a time: the number of threads of the numerical
+    libraries, which decides the last bits, is that of the whole process.
+    """
     from distributed import get_worker
 
     worker = get_worker()
@@ -118,7 +125,8 @@ def fly_on_dask(task: Task, topic: str) -> Outcome:
     def report(collected: int, rmse: float | None) -> None:
         worker.log_event(topic, {"mission": task.number, "collected": collected, "rmse": rmse})
 
-    return fly(task, report)
+    with _one_mission:
+        return fly(task, report)
 
 
 def failed(task: Task, error: BaseException, seconds: float = 0.0) -> Outcome:
@@ -147,9 +155,9 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
     from infoplan.mission import Mission
     from infoplan.terrain import load_terrain
 
-    if any(config.detector.name in ("copod", "pyod") for config in configs):
+    if any(config.detector.name == "pyod" for config in configs):
         with suppress(ImportError):
-            import pyod.models.copod  # noqa: F401 - takes a second
+            import pyod.models.base  # noqa: F401 - takes a second
     if not compiling:
         return
     shrunk: list[MissionConfig] = []

@@ -33,14 +33,10 @@ from infoplan.study.flight import (
     get_ready,
 )
 from infoplan.study.progress import Address, Report, reporter
+from infoplan.study.signals import ignored, postponed
 
 TRIES = 2
 """How often a mission is started whose worker dies each time."""
-
-STOPPING = [signal.SIGINT, signal.SIGTERM] + [
-    getattr(signal, name) for name in ("SIGHUP",) if hasattr(signal, name)
-]
-"""Signals by which a user or a batch system ends a study."""
 
 INNOCENT_LOSSES = 5
 """How often Dask may lose a mission that it has not started, before it counts as failed."""
@@ -110,7 +106,7 @@ def open_pool(
     try:
         yield pool
     finally:
-        with _undisturbed():
+        with ignored():
             pool.close()
 
 
@@ -324,7 +320,7 @@ class DaskPool:
         try:
             self._open(scheduler)
         except BaseException:
-            with _undisturbed():
+            with ignored():
                 self.close()
             raise
 
@@ -347,10 +343,10 @@ class DaskPool:
         self.client.subscribe_topic(self.topic, self._hear)
 
     def size(self) -> int:
-        """Return ``n_jobs``, or where that is -1 the threads that the cluster has now."""
+        """Return ``n_jobs``, or where that is -1 the workers that the cluster has now."""
         if time.monotonic() - self.asked > CLUSTER_SECONDS:
             self.asked = time.monotonic()
-            self.workers = sum(self._asked(self.client.nthreads).values())
+            self.workers = len(self._asked(self.client.nthreads))
             if not self.workers and not self.told:
                 self.told = True
                 self.say(f"waiting for workers to join the Dask scheduler at {self.where}")
@@ -379,19 +375,24 @@ class DaskPool:
 
         One that has none would die of the first mission it is sent.
         """
+        here = version("infoplan")
+        remedy = f"install version {here} there, for the workers and the scheduler"
+        found: dict[str, Any] = {}
         try:
-            found = {"scheduler": self.client.run_on_scheduler(version, "infoplan")}
-            found |= self.client.run(version, "infoplan")
+            found["scheduler"] = self.client.run_on_scheduler(version, "infoplan")
         except PackageNotFoundError as error:
-            raise RunError(
-                f"the Dask cluster at {self.where} has no infoplan: install version "
-                f"{version('infoplan')} there, for the workers and the scheduler"
-            ) from error
+            found["scheduler"] = error
+        # A worker that dies meanwhile gives another error, which says nothing of its packages.
+        found |= self._asked(lambda: self.client.run(version, "infoplan", on_error="return"))
         for place, there in found.items():
-            if there != version("infoplan"):
+            if isinstance(there, PackageNotFoundError):
+                raise RunError(
+                    f"the Dask cluster at {self.where} has no infoplan ({place}): {remedy}"
+                )
+            if isinstance(there, str) and there != here:
                 raise RunError(
                     f"the Dask cluster at {self.where} has infoplan {there} ({place}), this is "
-                    f"{version('infoplan')}: install the same version there"
+                    f"{here}: {remedy}"
                 )
 
     def start(self, task: Task) -> None:
@@ -437,7 +438,11 @@ class DaskPool:
         from distributed import KilledWorker
 
         task, _ = self.flying.pop(future.key)
-        if future.cancelled() or future.status == "lost":
+        if future.status == "lost":
+            # Its worker died after the mission's end, before the tables were fetched.
+            self.losses[task.number] += 1
+            return died(task, "its worker died", self.losses[task.number])
+        if future.cancelled():
             raise RunError(
                 f"the Dask scheduler at {self.where} is gone: what is finished is kept, the same "
                 "command goes on where it stopped"
@@ -536,33 +541,9 @@ def _deaf_children() -> Iterator[None]:
 
     for tracker in (multiprocessing_tracker, loky_tracker):
         tracker.ensure_running()
-    heard: list[int] = []
-    with _handled_by(lambda number, frame: heard.append(number)):
+    with postponed():
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             yield
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-    for number in heard:
-        signal.raise_signal(number)
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Let nothing interrupt the end: a second Ctrl-C would leave workers behind."""
-    with _handled_by(signal.SIG_IGN):
-        yield
-
-
-@contextmanager
-def _handled_by(handler: Callable[[int, Any], Any] | signal.Handlers) -> Iterator[None]:
-    """Put a handler in place for all signals that end a study."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, handler) for number in STOPPING}
-    try:
-        yield
-    finally:
-        for number, former in before.items():
-            signal.signal(number, former or signal.SIG_DFL)

@@ -146,6 +146,9 @@ class Display:
 
     def __exit__(self, *error: object) -> None:
         self.stopped.set()
+        if self.receiver:
+            with suppress(OSError):  # wakes the thread
+                self.receiver.sendto(b"", self.receiver.getsockname())
         self.thread.join()
         if self.receiver:
             self.receiver.close()

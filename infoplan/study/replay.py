@@ -7,7 +7,8 @@ model's doing, and not that of where the robot went.
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,22 +19,23 @@ import pandas as pd
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
-from infoplan.config import MissionConfig, seed_list, validate
-from infoplan.errors import UsageError
+from infoplan.config import MissionConfig, TreeSearchConfig, seed_list, validate
+from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
+from infoplan.methods import culprit_named, method_label
 from infoplan.mission import CurveRow, Mission, Samples
+from infoplan.study.flight import Outcome, Task, failed
 from infoplan.study.identity import Run, config_from_science, digest, identify
+from infoplan.study.locks import Lock, NoLocksError, acquire
 from infoplan.study.provenance import git_state, provenance
 from infoplan.study.store import (
-    MissionTables,
     build_tables,
     inspect,
     list_missions,
     prepare,
-    read_footer,
     read_table,
+    save_failure,
     save_mission,
-    table_path,
 )
 from infoplan.terrain import Terrain
 from infoplan.threads import look_again, one_thread
@@ -65,15 +67,28 @@ class Source:
     seeds: list[int]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Replay:
-    """What `replay_run` did: the new run, its source, the seeds of both; what was computed."""
+    """What `replay_run` did: the new run, its source, what was computed.
+
+    Attributes
+    ----------
+    run, source
+        The replay and what was flown.
+    seeds
+        Those that are done, before or now.
+    computed, failed
+        Number of missions replayed now, and of those that broke down.
+    seconds
+        Wall time.
+    """
 
     run: Run
     source: Source
     seeds: list[int]
-    computed: int
-    seconds: float
+    computed: int = 0
+    failed: int = 0
+    seconds: float = 0.0
 
 
 def find_source(results_dir: Path, named: str) -> Source:
@@ -84,7 +99,7 @@ def find_source(results_dir: Path, named: str) -> Source:
     UsageError
         If there is none, or several.
     RunError
-        If its configuration does not fit this version.
+        If its configuration does not fit this version, or none of its missions is whole.
     """
     stored = list_missions(results_dir)
     found = [run for run in sorted(stored) if named in (run, run.rpartition("-")[2])]
@@ -94,10 +109,13 @@ def find_source(results_dir: Path, named: str) -> Source:
             f"{len(found) or 'no'} stored run{'s' * (len(found) > 1)} in results_dir={results_dir} "
             f"answer{'s' * (not found)} to {named!r}: name one, or its hash; there is {listed}"
         )
-    seeds = stored[found[0]]
-    footer = read_footer(table_path(results_dir, "curves", found[0], seeds[0]))
-    science = footer["configuration"]
-    return Source(found[0], config_from_science(science), science, seeds)
+    missions = {seed: inspect(results_dir, found[0], seed) for seed in stored[found[0]]}
+    done = {seed: mission for seed, mission in missions.items() if mission.state == "done"}
+    if not done:
+        broken = next(iter(missions.values()))
+        raise RunError(broken.reason or f"{found[0]} has gone meanwhile: run it again")
+    science = next(iter(done.values())).footer["configuration"]
+    return Source(found[0], config_from_science(science), science, list(done))
 
 
 def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> MissionConfig:
@@ -175,13 +193,17 @@ def identify_replay(source: Source, config: MissionConfig) -> Run:
     terrain = Terrain(
         stored["name"], unknown, tuple(stored["extent"]), stored["unit"], stored["sha256"]
     )
-    run = identify(replace(config, terrain=MissionConfig().terrain), terrain)
-    kept = {"terrain": stored, "replay": source.science.get("replay", source.name)}
     # Whatever has become of a planner of the user's own: its trajectory is the stored one.
+    run = identify(
+        replace(config, terrain=MissionConfig().terrain, planner=_stand_in(config)), terrain
+    )
+    kept = {"terrain": stored, "replay": source.science.get("replay", source.name)}
     planner = {**source.science["planner"], "smoothing": config.planner.smoothing}
     science = {**run.science, "planner": planner, **kept}
-    name = f"replay-{run.name.rpartition('-')[0]}-{digest(science)}"
-    return Run(name, replace(run.config, terrain=source.config.terrain), terrain, science)
+    _, _, rest = run.name.rpartition("-")[0].partition("-")
+    name = f"replay-{method_label(config.planner)}-{rest}-{digest(science)}"
+    resolved = replace(run.config, terrain=source.config.terrain, planner=config.planner)
+    return Run(name, resolved, terrain, science)
 
 
 def replay_mission(
@@ -202,7 +224,8 @@ def replay_mission(
     rows : list of CurveRow
         After the pilot and after each epoch.
     """
-    mission = Mission(config, terrain, seed)
+    # Nobody plans: a planner of the user's own need not be there any more.
+    mission = Mission(replace(config, planner=_stand_in(config)), terrain, seed)
     mission.grid_truth = maps["truth"].to_numpy(dtype=np.float64)
     n = len(samples)
     stored = Samples(
@@ -213,12 +236,21 @@ def replay_mission(
         **{name: samples[name].to_numpy() for name in ("heading", "truth", "measured",
                                                        "is_outlier")},
     )  # fmt: skip
-    mission.start(stored[stored.epoch == 0])
-    rows = [mission.evaluate()]
-    for mission.epoch in range(1, int(stored.epoch[-1]) + 1):
-        mission.observe(stored[stored.epoch == mission.epoch])
-        rows.append(mission.evaluate())
+    rows = []
+    for mission.epoch in range(int(stored.epoch[-1]) + 1):
+        batch = stored[stored.epoch == mission.epoch]
+        with culprit_named(config, f"in epoch {mission.epoch}"):
+            if mission.epoch:
+                mission.observe(batch)
+            else:
+                mission.start(batch)
+            rows.append(mission.evaluate())
     return mission, rows
+
+
+def _stand_in(config: MissionConfig) -> TreeSearchConfig:
+    """Planner that keeps what a mission reads of a planner's options."""
+    return TreeSearchConfig(smoothing=config.planner.smoothing)
 
 
 def replay_run(
@@ -259,7 +291,7 @@ def replay_run(
     UsageError
         If the run or a seed is not there, or an override is not possible.
     RunError
-        If a table cannot be read or written.
+        If a table cannot be written, or no mission of the run is whole.
     """
     from joblib import Parallel, delayed, parallel_config
 
@@ -280,35 +312,79 @@ def replay_run(
         if not (resume and inspect(results_dir, run.name, seed).state == "done")
     ]
     start = time.monotonic()
-    with parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1):
+    replayed = Replay(run, source, [seed for seed in wanted if seed not in todo])
+    with (
+        parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1),
+        _locked(results_dir, run.name, todo) as mine,
+    ):
+        for seed in sorted(set(todo) - set(mine)):
+            tell(f"{run.name} seed {seed}  is being replayed by another infoplan")
+        tasks = [Task(run, seed, number) for number, seed in enumerate(mine)]
         pool = Parallel(return_as="generator_unordered", batch_size=1)
-        for seed, tables, footer in pool(
-            delayed(_replay_seed)(results_dir, source.name, run, seed) for seed in todo
-        ):
-            footer |= {"command": sys.orig_argv, "git": git_state()}
-            save_mission(results_dir, run, seed, tables, footer)
-            final = tables.curves["rmse"][-1].as_py()
-            tell(f"{run.name} seed {seed}  RMSE {final:.4g} {run.terrain.unit}")
-    return Replay(run, source, wanted, len(todo), time.monotonic() - start)
+        for outcome in pool(delayed(_replay_seed)(results_dir, source.name, t) for t in tasks):
+            _store(results_dir, outcome, replayed, tell)
+    replayed.seeds.sort()
+    replayed.seconds = time.monotonic() - start
+    return replayed
 
 
-def _replay_seed(
-    results_dir: Path, source: str, run: Run, seed: int
-) -> tuple[int, MissionTables, dict[str, Any]]:
+@contextmanager
+def _locked(results_dir: Path, run: str, seeds: Sequence[int]) -> Iterator[list[int]]:
+    """Hold the locks of missions; gives those that no other process holds."""
+    locks: dict[int, Lock | None] = {}
+    for seed in seeds:
+        try:
+            lock = acquire(results_dir, run, seed)
+        except NoLocksError:
+            locks[seed] = None
+        else:
+            if lock:
+                locks[seed] = lock
+    try:
+        yield list(locks)
+    finally:
+        for lock in locks.values():
+            if lock:
+                lock.release()
+
+
+def _store(
+    results_dir: Path, outcome: Outcome, replayed: Replay, tell: Callable[[str], object]
+) -> None:
+    """Store what a replay gave, or why it failed."""
+    run, seed, tables = outcome.task.run, outcome.task.seed, outcome.tables
+    label = f"{run.name} seed {seed}"
+    if tables is None:
+        path = save_failure(results_dir, run.name, seed, f"{label}\n\n{outcome.failure}")
+        replayed.failed += 1
+        tell(f"{label}  FAILED: {outcome.reason} ({path})")
+        return
+    footer = outcome.footer | {"command": sys.orig_argv, "git": git_state()}
+    save_mission(results_dir, run, seed, tables, footer)
+    replayed.computed += 1
+    replayed.seeds.append(seed)
+    tell(f"{label}  RMSE {tables.curves['rmse'][-1].as_py():.4g} {run.terrain.unit}")
+
+
+def _replay_seed(results_dir: Path, source: str, task: Task) -> Outcome:
     """Replay one mission in a worker."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
 
-    started, clock = datetime.now(UTC), time.perf_counter()
-    samples, maps = (
-        read_table(results_dir, name, source, seed).to_pandas() for name in ("samples", "maps")
-    )
-    look_again()
-    with one_thread():
-        mission, rows = replay_mission(run.config, run.terrain, seed, samples, maps)
-        tables = build_tables(run, mission, rows)
-        footer = provenance() | {
-            "started": started.isoformat(timespec="milliseconds"),
-            "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
-            "seconds": time.perf_counter() - clock,
-        }
-    return seed, tables, footer
+    run, started, clock = task.run, datetime.now(UTC), time.perf_counter()
+    try:
+        samples, maps = (
+            read_table(results_dir, name, source, task.seed).to_pandas()
+            for name in ("samples", "maps")
+        )
+        look_again()
+        with one_thread():
+            mission, rows = replay_mission(run.config, run.terrain, task.seed, samples, maps)
+            tables = build_tables(run, mission, rows)
+            footer = provenance() | {
+                "started": started.isoformat(timespec="milliseconds"),
+                "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+                "seconds": time.perf_counter() - clock,
+            }
+    except (Exception, SystemExit) as error:  # a method of the user's may call sys.exit
+        return failed(task, error)
+    return Outcome(task, time.perf_counter() - clock, tables, footer)

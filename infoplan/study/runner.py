@@ -4,14 +4,11 @@ This process is the only one that writes: workers hand their tables back. It hol
 mission that is under way, so that other infoplan processes on the same results fly other missions.
 """
 
-import signal
 import sys
-import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,9 +22,10 @@ from infoplan.study.estimate import Pace, kind_of, learn
 from infoplan.study.flight import Outcome, Task
 from infoplan.study.identity import Run, identify
 from infoplan.study.locks import Lock, NoLocksError, acquire
-from infoplan.study.pool import STOPPING, Pool, open_pool
+from infoplan.study.pool import Pool, open_pool
 from infoplan.study.progress import Display, Line
 from infoplan.study.provenance import git_state
+from infoplan.study.signals import postponed, stoppable
 from infoplan.study.store import (
     Stored,
     inspect,
@@ -65,6 +63,8 @@ class Study:
         What was there of each mission, by run and seed, when the study began.
     pace
         Seconds of all missions in the results.
+    done
+        Missions that were kept or flown now, by run and seed: those that tables and numbers count.
     computed, kept, unstarted
         Number of missions flown now, found done, and left by ``on_error=stop``.
     failed
@@ -78,6 +78,7 @@ class Study:
     results_dir: Path
     stored: dict[tuple[str, int], Stored] = field(default_factory=dict)
     pace: Pace = field(default_factory=Pace)
+    done: set[tuple[str, int]] = field(default_factory=set)
     computed: int = 0
     kept: int = 0
     unstarted: int = 0
@@ -176,7 +177,8 @@ def run_study(configs: list[Config], console: Console) -> Study:
             console.print(f"WARNING: {stored.reason}: it is computed again", style="yellow",
                           soft_wrap=True)  # fmt: skip
     tasks = study.todo(first.resume)
-    study.kept = len(study.stored) - len(tasks)
+    study.done = set(study.stored) - {(task.run.name, task.seed) for task in tasks}
+    study.kept = len(study.done)
     if study.kept:
         console.print(
             f"{study.kept} of {len(study.stored)} missions are there already and are kept"
@@ -186,6 +188,7 @@ def run_study(configs: list[Config], console: Console) -> Study:
         if done and save_configuration(study.results_dir, run):
             console.print(f"WARNING: runs/{run.name}.yaml did not hold the run's configuration: "
                           "it is written again", style="yellow", soft_wrap=True)  # fmt: skip
+    git_state()  # now: the code may change while missions fly
     start = time.monotonic()
     if tasks:
         with stoppable():
@@ -279,8 +282,10 @@ class Flight:
         try:
             while self.waiting or self.held or self.locks:
                 self.start_missions()
-                for outcome in self.pool.wait(POLL_SECONDS):
-                    self.settle(outcome)
+                outcomes = self.pool.wait(POLL_SECONDS)
+                with postponed():  # what has ended is not lost
+                    for outcome in outcomes:
+                        self.settle(outcome)
                 if self.held and not self.waiting:
                     if not self.locks:
                         self.warn(
@@ -318,6 +323,7 @@ class Flight:
                 if lock:
                     lock.release()
                 self.study.kept += 1
+                self.study.done.add((task.run.name, task.seed))
                 self.display.skip(task.number)
                 continue
             self.locks[task.number] = lock
@@ -358,6 +364,7 @@ class Flight:
         footer = outcome.footer | {"command": sys.orig_argv, "git": git_state()}
         save_mission(self.study.results_dir, task.run, task.seed, tables, footer)
         self.study.computed += 1
+        self.study.done.add((task.run.name, task.seed))
         self.display.finish(task.number, outcome.seconds, tables.curves["rmse"][-1].as_py())
 
     def record_failure(self, outcome: Outcome) -> None:
@@ -400,24 +407,3 @@ def differences(one: dict[str, Any], other: dict[str, Any]) -> list[str]:
     return differing + [
         name for name in MATHEMATICS if libraries[0].get(name) != libraries[1].get(name)
     ]
-
-
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end a study as Ctrl-C does: workers ended, finished missions kept."""
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        for number in STOPPING:
-            # Whatever the user has chosen to ignore (nohup) stays ignored.
-            if signal.getsignal(number) == signal.SIG_DFL:
-                before[number] = signal.signal(number, interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            with suppress(ValueError):
-                signal.signal(number, handler)

@@ -184,12 +184,6 @@ def inspect(results_dir: Path, run: str, seed: int) -> Stored:
             return Stored("broken", f"{path} {wrong}")
     if len({footer.get("mission") for footer in footers.values()}) > 1:
         return Stored("broken", f"the tables of {run} seed {seed} are not of one mission")
-    configuration = footers["curves"]["configuration"]
-    expected = {"samples": configuration["budget"], "maps": int(np.prod(configuration["grid"]))}
-    for name, rows in expected.items():
-        if len(tables[name]) != rows:
-            path = table_path(results_dir, name, run, seed)
-            return Stored("broken", f"{path} has {len(tables[name])} rows instead of {rows}")
     return Stored("done", footer=footers["curves"])
 
 

@@ -13,7 +13,6 @@ from rich.text import Text
 from infoplan.analyse.statistics import Interval, bootstrap_mean
 from infoplan.config import Config, options
 from infoplan.draw.terminal import small_curves, takes_braille
-from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
@@ -95,13 +94,10 @@ def final_rmse(study: Study) -> list[float]:
 
 
 def stored_curves(study: Study, run: Run, seeds: list[int]) -> list[Curve]:
-    """Read the learning curves of the missions of a run that are done."""
+    """Read the learning curves of the missions of a run that are done: kept, or flown now."""
     curves = []
-    for seed in seeds:
-        try:
-            table = read_table(study.results_dir, "curves", run.name, seed)
-        except RunError:  # not done: failed or stopped
-            continue
+    for seed in [seed for seed in seeds if (run.name, seed) in study.done]:
+        table = read_table(study.results_dir, "curves", run.name, seed)
         columns = {name: table[name].to_numpy() for name in table.column_names}
         curves.append(Curve(columns))
     return curves

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from infoplan.config import CopodConfig, DetectorConfig, MissionConfig
+from infoplan.study.store import COLUMNS, values_digest
 
 SIDE = 26
 """Nodes of the made-up query grid along a side of the workspace, 50 units."""
@@ -96,13 +97,16 @@ def store(
     tables = {"curves": curve, "samples": made_samples(seed, samples or {}), "maps": maps}
     footer = {
         "schema_version": schema_version,
+        "mission": f"{run} {seed}",
         "run": run,
         "seed": seed,
         "terrain": {"name": terrain, "sha256": "0" * 64},
         "configuration": configuration,
     }
     for name, columns in tables.items():
-        table = pa.table({key: pa.array(values) for key, values in columns.items()})
+        rest = {key: [0.0] * len(columns["seed"]) for key in COLUMNS[name] if key not in columns}
+        table = pa.table({key: pa.array(values) for key, values in (columns | rest).items()})
+        footer["values_sha256"] = values_digest(table)
         path = folder / name / f"run={run}" / f"seed={seed}.parquet"
         path.parent.mkdir(parents=True, exist_ok=True)
         pq.write_table(table.replace_schema_metadata({"infoplan": json.dumps(footer)}), path)

@@ -1,7 +1,11 @@
 """Which missions belong together."""
 
+import shutil
+
 import made_tables
 import numpy as np
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 
 from infoplan.analyse import find_missions, find_study, load_curves, load_maps, load_samples
@@ -166,3 +170,29 @@ def test_made_up_truth_is_what_the_tests_say():
     assert truth.std() == pytest.approx(100.0)
     assert np.abs(np.diff(truth[:, :14])).max() < 1.0
     assert np.abs(np.diff(truth[:, 15:])).min() > 100.0
+
+
+@pytest.mark.parametrize("table", ["curves", "samples", "maps"])
+@pytest.mark.parametrize("foreign", ["seed", "run"])
+def test_another_mission_s_table_is_refused(tmp_path, table, foreign):
+    run = made_tables.store(tmp_path, "uct-none", seed=0)
+    made_tables.store(tmp_path, "uct-none", seed=1)
+    other = made_tables.store(tmp_path, "uct-best", seed=1)
+    folder = tmp_path / table
+    source = (run, 0) if foreign == "seed" else (other, 1)
+    path = folder / f"run={run}" / "seed=1.parquet"
+    shutil.copy(folder / f"run={source[0]}" / f"seed={source[1]}.parquet", path)
+    with pytest.raises(RunError, match=rf"{table}.*belongs to {source[0]} seed {source[1]}"):
+        load_curves(tmp_path)
+
+
+@pytest.mark.parametrize("table", ["curves", "samples", "maps"])
+def test_changed_values_are_refused(tmp_path, table):
+    run = made_tables.store(tmp_path, "uct-none", seed=0)
+    path = tmp_path / table / f"run={run}" / "seed=0.parquet"
+    stored = pq.read_table(path, partitioning=None)
+    doubled = pc.multiply(stored["seed"], 2)
+    changed = stored.append_column("twice", doubled)
+    pq.write_table(changed, path)
+    with pytest.raises(RunError, match="does not hold the values that were written"):
+        find_missions(tmp_path)

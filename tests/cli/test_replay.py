@@ -1,5 +1,7 @@
 """``infoplan replay`` as a user meets it: the same samples, judged and modelled anew."""
 
+import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from infoplan.analyse.tables import find_missions, find_study
 from infoplan.cli import main
 from infoplan.errors import UsageError
 from infoplan.study.identity import identify
+from infoplan.study.locks import acquire
 from infoplan.study.store import build_tables, save_mission
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
@@ -209,3 +212,60 @@ def test_a_run_on_a_file_that_is_gone_is_replayed_from_its_tables(tmp_path, hill
     assert (found["truth"] == expected["truth"]).all()
     findings = audit_mission(tmp_path, again, 0, {terrain.sha256: terrain.elevation})
     assert not [finding for finding in findings if not finding.holds]
+
+
+def test_a_replay_needs_no_planner_of_the_user_s(tmp_path, volcano, monkeypatch, capfd):
+    module = tmp_path / "gone.py"
+    module.write_text("def ahead(situation, rng):\n    return situation.valid_actions()[:1]\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    short = [option for option in SMALL if not option.startswith(("planner", "seeds", "n_jobs"))]
+    config = infoplan.configure(*short, "planner=own", "planner.function=gone.ahead")
+    run = identify(config, volcano)
+    mission = infoplan.Mission(run.config, volcano, 0)
+    save_mission(tmp_path, run, 0, build_tables(run, mission, list(mission.run())), {})
+    module.unlink()
+    monkeypatch.delitem(sys.modules, "gone")
+    again = replay(tmp_path, run.name, "detector=none", "planner.smoothing=1")
+    assert again.startswith("replay-ahead-none-volcano-")
+    assert set(read(tmp_path, "curves", again, 0)["planner"]) == {"ahead"}
+    science = yaml.safe_load((tmp_path / "runs" / f"{again}.yaml").read_text())
+    assert science["planner"] == {**run.science["planner"], "smoothing": 1.0}
+
+
+def test_what_breaks_down_is_named_and_the_others_go_on(flown, tmp_path, capfd):
+    folder = tmp_path / "flown"
+    shutil.copytree(flown, folder)
+    name = runs(folder)["puct-copod"]
+    knn = ["detector=pyod", "detector.model=KNN", "detector.params.n_neighbors=5000"]
+    assert main(["replay", name, *knn, f"results_dir={folder}", "n_jobs=1"]) == 1
+    said = capfd.readouterr().out
+    assert said.count("FAILED: the detector pyod_knn failed in epoch 1") == 2
+    assert len(list((folder / "failures").rglob("*.txt"))) == 2
+
+
+def test_a_mission_whose_tables_do_not_belong_together_is_not_replayed(flown, tmp_path, capfd):
+    folder = tmp_path / "flown"
+    shutil.copytree(flown, folder)
+    name = runs(folder)["puct-copod"]
+    samples = folder / "samples" / f"run={name}"
+    shutil.copy(samples / "seed=0.parquet", samples / "seed=1.parquet")
+    again = replay(folder, name, "planner.smoothing=1.7")
+    assert not (folder / "curves" / f"run={again}" / "seed=1.parquet").exists()
+    shutil.copy(samples / "seed=1.parquet", samples / "seed=0.parquet")
+    (samples / "seed=0.parquet").write_bytes(b"broken")
+    assert main(["replay", name, f"results_dir={folder}"]) == 1
+    assert "seed=0.parquet cannot be read" in capfd.readouterr().err
+
+
+def test_two_replays_at_once_share_the_work(flown, tmp_path, capfd):
+    folder = tmp_path / "flown"
+    shutil.copytree(flown, folder)
+    name = runs(folder)["uct-copod"]
+    expected = replay(folder, name, "model.iterations=1")
+    shutil.rmtree(folder / "curves" / f"run={expected}")
+    lock = acquire(folder, expected, 1)
+    arguments = ["replay", name, "model.iterations=1", f"results_dir={folder}", "n_jobs=1"]
+    assert main(arguments) == 0
+    lock.release()
+    assert "seed 1  is being replayed by another infoplan" in capfd.readouterr().out
+    assert [path.stem for path in (folder / "curves" / f"run={expected}").iterdir()] == ["seed=0"]

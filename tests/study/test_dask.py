@@ -36,9 +36,9 @@ def scheduler(tmp_path: Path):
         yield file, running
 
 
-def worker(file: Path, slow: float = 0.0):
-    return process("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-nanny",
-                   "--no-dashboard", slow=slow)  # fmt: skip
+def worker(file: Path, slow: float = 0.0, threads: int = 1):
+    return process("worker", "--scheduler-file", str(file), "--nthreads", str(threads),
+                   "--no-nanny", "--no-dashboard", slow=slow)  # fmt: skip
 
 
 def test_a_cluster_elsewhere_survives_its_workers(tmp_path):
@@ -56,6 +56,15 @@ def test_a_cluster_elsewhere_survives_its_workers(tmp_path):
     assert "of 160 samples" in said or "4 missions computed" in said
     study(quick(), tmp_path / "undisturbed", seeds=4, backend="sequential")
     assert_same_numbers(folder, tmp_path / "undisturbed")
+
+
+def test_a_worker_of_several_threads_gives_the_same_numbers(tmp_path):
+    with scheduler(tmp_path) as (file, _), worker(file, threads=3):
+        done, _ = study(quick(), tmp_path / "results", seeds=4, n_jobs=3, backend="dask",
+                        scheduler=str(file))  # fmt: skip
+    assert done.computed == 4
+    study(quick(), tmp_path / "undisturbed", seeds=4, backend="sequential")
+    assert_same_numbers(tmp_path / "results", tmp_path / "undisturbed")
 
 
 def test_a_scheduler_that_vanishes_ends_the_study_in_one_sentence(tmp_path):

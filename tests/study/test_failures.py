@@ -113,3 +113,27 @@ def test_numbers_do_not_depend_on_workers(small, tmp_path):
         done, _ = study(small, folder, seeds=4, n_jobs=jobs, backend=backend)
         assert done.computed == 4
         assert_same_numbers(folder, folders[0])
+
+
+def test_numbers_of_before_do_not_stand_for_a_mission_that_failed_now(tmp_path, sabotage, capfd):
+    options = [*OPTIONS, "seeds=2", "n_jobs=1", f"results_dir={tmp_path}"]
+    assert main(["run", *options]) == 0
+    capfd.readouterr()
+    sabotage("raise:1")
+    assert main(["run", *options, "resume=false"]) == 1
+    said = capfd.readouterr().out
+    assert " 1 of 2 " in said
+    assert "1 mission computed" in said
+
+
+def test_a_method_that_exits_is_a_failure(tmp_path, monkeypatch, capfd):
+    (tmp_path / "leaving.py").write_text(
+        "import sys\n\n\ndef leave(samples, model, rng):\n    sys.exit()\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [str(tmp_path), *__import__("sys").path])
+    own = ["detector=own", "detector.function=leaving.leave"]
+    options = [option for option in OPTIONS if not option.startswith("detector")]
+    assert main(["run", *options, *own, "seeds=1", "backend=sequential"]) == 1
+    said = capfd.readouterr()
+    assert "FAILED: SystemExit" in said.out + said.err

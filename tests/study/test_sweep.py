@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from studies import OPTIONS, study
+from studies import OPTIONS, assert_same_numbers, quick, study
 
 from infoplan import hydra_front
 from infoplan.cli import main
@@ -254,6 +254,16 @@ def test_hydras_own_launcher_runs_single_configurations(failing, tmp_path, capfd
     said = capfd.readouterr()
     assert len(re.findall("1 mission computed" if not failing else "1 failed", said.out)) == 2
     assert ("infoplan: missions failed" in said.err) == failing
+
+
+def test_a_launcher_of_other_processes_runs_single_configurations(tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    options = [*OPTIONS, "backend=sequential", "seeds=1", "results_dir=results"]
+    launcher = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
+    assert main(["run", "-m", *launcher, *options, "rho=0.1,0.2"]) == 0
+    study(quick(), tmp_path / "here", backend="sequential")
+    study(replace(quick(), rho=0.2), tmp_path / "here", backend="sequential")
+    assert_same_numbers(tmp_path / "results", tmp_path / "here")
 
 
 def test_a_sweeper_gets_the_mean_final_rmse(tmp_path, small):
