@@ -25,7 +25,7 @@ test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes:
 test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
-bench: $(VENV)/.installed-bench ## set up and measure every speed figure (an hour; ARGS=--quick for a look)
+bench: $(VENV)/.installed-bench ## set up and measure every speed figure (half an hour; ARGS=--quick for a look)
 	$(BIN)/python -m benchmarks.run $(ARGS)
 
 check: $(VENV)/.installed-dev ## set up and run the linter and the type checker

@@ -417,7 +417,7 @@ def kernels_of_the_product(scale: Scale) -> Section:
 
 def workers_in_parallel(scale: Scale) -> Section:
     """Compare the missions an hour of two workers with those of one, start-up included."""
-    missions = 2 * scale.repeats
+    missions = 2 * scale.seeds
     with tempfile.TemporaryDirectory() as folder:
         runs = {
             n_jobs: command(
