@@ -37,7 +37,11 @@ def print_leaderboard(board: Leaderboard, console: "Console") -> None:
     narrow = replace(board, maps={})
     for column in columns(narrow):
         table.add_column(
-            column, justify="left" if column == "method" else "right", no_wrap=column == "method"
+            column,
+            justify="left" if column == "method" else "right",
+            no_wrap=column == "method",
+            overflow="fold",
+            min_width=8 if column in ("area [95 %]", "behind the first") else None,
         )
     for number, standing in enumerate(board.standings, start=1):
         row = cells(number, replace(standing, by_map={}))
