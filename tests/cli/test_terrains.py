@@ -11,6 +11,7 @@ import rasterio
 import rasterio.shutil
 from command import SMALL
 from rasterio.transform import Affine
+from usgs_dem import write_dem
 
 from infoplan.cli import main
 
@@ -29,7 +30,7 @@ def folder(tmp_path_factory) -> Path:
     part = whole[::30, ::30]
     write(folder / "part.tif", part, place)
     convert(folder / "part.tif", folder / "hills.asc", "AAIGrid")
-    convert(folder / "part.tif", folder / "hills.dem", "USGSDEM")
+    write_dem(folder / "hills.dem", part, 560_000, 5_120_000, 1000)
     np.save(folder / "hills.npy", part[::-1])
     np.savez(folder / "hills.npz", elevation=part[::-1])
     np.savetxt(folder / "hills.csv", part[::-1], delimiter=",")

@@ -12,6 +12,7 @@ import rasterio.shutil
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rasterio.transform import Affine
+from usgs_dem import write_dem
 
 from infoplan.errors import UsageError
 from infoplan.terrain import grids, load_terrain, rasters
@@ -26,6 +27,9 @@ UTM = "EPSG:32610"
 
 def write(path: Path, elevation: np.ndarray, driver: str = "GTiff", **profile) -> Path:
     """Write a map, in formats that cannot be created by way of a GeoTIFF."""
+    if driver == "USGSDEM":
+        place = profile.get("transform", NORTH_UP)
+        return write_dem(path, elevation, place.c + place.a / 2, place.f + place.e / 2, place.a)
     profile = {"crs": UTM, "transform": NORTH_UP, "nodata": None, "unit": None} | profile
     unit, scale = profile.pop("unit"), profile.pop("scale", (1.0, 0.0))
     tif = path if driver == "GTiff" else path.with_name("source.tif")
