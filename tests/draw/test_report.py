@@ -1,8 +1,8 @@
 """The report as one page: what it says is what the tables hold, and nothing in it is markup."""
 
 import json
-import shutil
 import re
+import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
