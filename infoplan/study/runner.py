@@ -136,15 +136,21 @@ def plan_study(configs: list[Config], console: Console) -> Study:
     UsageError
         If a map cannot be had.
     """
-    results_dir = Path(configs[0].results_dir).expanduser()
+    study = identify_study(configs, console)
+    study.pace = learn(study.results_dir)
+    for run, seeds in study.runs:
+        for seed in seeds:
+            study.stored[run.name, seed] = inspect(study.results_dir, run.name, seed)
+    return study
+
+
+def identify_study(configs: list[Config], console: Console) -> Study:
+    """Find out what a study consists of; parameters and errors as of `plan_study`."""
     terrains = load_terrains([config.terrain for config in configs], console)
     identified = [identify(*pair) for pair in zip(configs, terrains, strict=True)]
     runs = merge_runs(identified, [seed_list(config.seeds) for config in configs])
-    study = Study([run.name for run in identified], runs, results_dir, pace=learn(results_dir))
-    for run, seeds in runs:
-        for seed in seeds:
-            study.stored[run.name, seed] = inspect(results_dir, run.name, seed)
-    return study
+    results_dir = Path(configs[0].results_dir).expanduser()
+    return Study([run.name for run in identified], runs, results_dir)
 
 
 def run_study(configs: list[Config], console: Console) -> Study:

@@ -14,7 +14,7 @@ from infoplan.config import Config
 from infoplan.errors import UsageError
 from infoplan.study.estimate import duration
 from infoplan.study.locks import list_held
-from infoplan.study.runner import check_study, plan_study
+from infoplan.study.runner import check_study, identify_study
 from infoplan.study.store import inspect, list_failures, list_foreign, list_missions
 from infoplan.study.summary import spans, wide_console
 
@@ -96,7 +96,7 @@ def status(arguments: list[str]) -> int:
     def act(configs: list[Config]) -> tuple[int, list[float]]:
         check_study(configs)
         # A warning about the map would not be JSON.
-        study = plan_study(configs, Console(stderr=True) if as_json else wide_console())
+        study = identify_study(configs, Console(stderr=True) if as_json else wide_console())
         wanted = {run.name: seeds for run, seeds in study.runs}
         _print(look(study.results_dir, wanted), as_json)
         return 0, [float("nan")] * len(configs)

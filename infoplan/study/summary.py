@@ -141,7 +141,7 @@ def _closing_table(study: Study, curves: dict[str, list[Curve]], braille: bool) 
         at = f"at {round(min(budgets) * share)}" if len(budgets) == 1 else f"at {share:.0%}"
         table.add_column(at, justify="right")
     for name in ("precision", "recall", "false alarms", "s a seed"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", min_width=max(map(len, name.split())))
     named = labels(runs)
     drawn = small_curves([curves[run.name] for run in runs], braille=braille)
     for (run, seeds), drawing in zip(study.runs, drawn, strict=True):
