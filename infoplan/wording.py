@@ -1,10 +1,84 @@
-"""Words for error messages."""
+"""Words and numbers for people: suggestions, counts, figures, and text of unknown origin."""
 
+import math
+import re
+import unicodedata
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+UNSEEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+"""Unicode's categories of characters that are no letter, mark, figure, sign or space."""
 
-def suggest(word: str, known: Iterable[str]) -> str:
-    """Return ', did you mean X?'-style text for a misspelled word; empty if nothing is near."""
-    near = get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f" (did you mean {near[0]!r}?)" if near else ""
+
+def suggest(word: str, known: Iterable[str], n: int = 1) -> str:
+    """Return ' (did you mean X?)' for a misspelled word; empty if nothing is near.
+
+    Parameters
+    ----------
+    word
+        What was written.
+    known
+        What could have been meant.
+    n
+        How many of the nearest to name at most.
+    """
+    near = get_close_matches(word, list(known), n=n, cutoff=0.6)
+    return f" (did you mean {' or '.join(map(repr, near))}?)" if near else ""
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """Count things: ``1 mission``, ``2 missions``."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def figure(value: float) -> str:
+    """Write a number with at least three significant digits, and no digit before the point lost.
+
+    ``1125.4`` is 1125, ``96.04`` is 96.0, ``0.01234`` is 0.0123; NaN is empty.
+    """
+    if math.isnan(value):
+        return ""
+    if math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.3g}")
+    size = abs(rounded)
+    if size >= 1e7 or size < 1e-3:
+        return f"{value:.2e}"
+    decimals = max(0, 2 - math.floor(math.log10(size)))
+    return f"{value:.{decimals}f}"
+
+
+def harmless(text: object) -> str:
+    r"""Write text of unknown origin so that a terminal shows it and does nothing else.
+
+    Control, format (bidirectional ones among them) and surrogate characters become escapes such as
+    ``\x1b``; line feeds, too.
+    """
+    return "".join(
+        character.encode("unicode_escape").decode()
+        if unicodedata.category(character) in UNSEEN
+        else character
+        for character in str(text)
+    )
+
+
+def markdown_cell(text: object) -> str:
+    """Write text of unknown origin as the cell of a Markdown table, where it means itself."""
+    escaped = re.sub(r"([\\`*_\[\]|~$])", r"\\\1", harmless(text))
+    return escaped.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def csv_cell(text: object) -> str:
+    """Write text of unknown origin as the cell of a CSV file that no spreadsheet takes for code."""
+    plain = harmless(text)
+    return f"'{plain}" if plain[:1] in ("=", "+", "-", "@") and not _is_number(plain) else plain
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,71 @@
+"""Files and paths that users name: read only if they are regular files, and not too large."""
+
+import os
+import stat
+from pathlib import Path
+
+from infoplan.errors import UsageError
+
+
+def user_path(text: str | Path) -> Path:
+    """Return a path as a user wrote it, a ``~`` at its start their home.
+
+    A ``~name`` of which there is no such user stays what it is, as in a shell.
+    """
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        return Path(text)
+
+
+def read_regular(path: Path, limit: int) -> bytes:
+    """Read a whole file that must be a regular one.
+
+    Parameters
+    ----------
+    path
+        The file; links are followed.
+    limit
+        Largest size, in bytes.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened or read.
+    UsageError
+        If it is a folder, pipe, socket or device, or larger than `limit`. Nothing of it is read
+        then, and nothing waited for.
+    """
+    # Opening a pipe waits for a writer, unless told not to.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(path, flags)
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise UsageError(f"{path} is {_kind(status.st_mode)}: name a file")
+        if status.st_size > limit:
+            raise UsageError(
+                f"{path} has {status.st_size} bytes, more than the {limit} that it may have"
+            )
+        with os.fdopen(descriptor, "rb", closefd=False) as stream:
+            content = stream.read(limit + 1)
+    finally:
+        os.close(descriptor)
+    if len(content) > limit:  # it has grown meanwhile, or never told its size, as under /proc
+        raise UsageError(f"{path} has more than the {limit} bytes that it may have")
+    return content
+
+
+def _kind(mode: int) -> str:
+    kinds = {
+        stat.S_IFDIR: "a folder",
+        stat.S_IFIFO: "a named pipe",
+        stat.S_IFSOCK: "a socket",
+        stat.S_IFCHR: "a device",
+        stat.S_IFBLK: "a device",
+    }
+    return kinds.get(stat.S_IFMT(mode), "no regular file")
