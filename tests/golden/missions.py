@@ -106,7 +106,7 @@ def main() -> None:
     if changed and stored["numerics_version"] == NUMERICS_VERSION:
         sys.exit(
             f"the numbers have changed ({changed[0]}): raise NUMERICS_VERSION in "
-            "infoplan/study/identity.py and say why in CHANGELOG.md, or find out what has changed them"
+            "infoplan/study/identity.py and say why in CHANGELOG.md, or find what has changed them"
         )
     document = {"numerics_version": NUMERICS_VERSION, "missions": flown}
     FILE.write_text(json.dumps(document, separators=(",", ":")) + "\n")
