@@ -62,7 +62,7 @@ WORDS = {
     "recall_lost": "recall, own batch - all at the end",
     "returned": "share near an earlier flagged sample",
 }
-"""What the numbers a mission are, in words; the README defines them."""
+"""What the numbers a mission are, in words; docs/replication.md defines them."""
 
 WITHOUT_UNIT = ("fp", "false_alarm_rate", "recall_lost", "returned")
 

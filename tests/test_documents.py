@@ -1,4 +1,7 @@
-"""Every example of the README runs: its Python as it stands, its commands on a small study."""
+"""Every example of the README and the documents runs: Python as it is, commands on a small study.
+
+Every link within the project leads somewhere.
+"""
 
 import os
 import re
@@ -11,12 +14,18 @@ import pytest
 from command import infoplan
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```(console|python)\n(.*?)```", README, re.DOTALL)
-PYTHON = [text for kind, text in BLOCKS if kind == "python"]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCKS = [
+    (page.name, kind, text)
+    for page in PAGES
+    for kind, text in re.findall(
+        r"```(console|python)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL
+    )
+]
+PYTHON = {text: page for page, kind, text in BLOCKS if kind == "python"}
 COMMANDS = [
     line.partition("#")[0].strip()
-    for kind, text in BLOCKS
+    for _, kind, text in BLOCKS
     if kind == "console"
     for line in text.replace("\\\n", " ").splitlines()
     if line.startswith("infoplan ")
@@ -50,7 +59,7 @@ def small(command: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("readme")
+    folder = tmp_path_factory.mktemp("documents")
     for example in (ROOT / "examples").glob("*.py"):
         shutil.copy(example, folder)
     infoplan(*small("infoplan run -m experiment=fig5"), cwd=folder)
@@ -65,7 +74,7 @@ def a_run(folder: Path) -> str:
 def test_python(text, study, monkeypatch):
     monkeypatch.chdir(study)
     names: dict[str, object] = {"pandas": pandas}
-    exec(compile(text, "README.md", "exec"), names)
+    exec(compile(text, PYTHON[text], "exec"), names)
 
 
 @pytest.mark.parametrize("command", dict.fromkeys(COMMANDS))
@@ -77,6 +86,28 @@ def test_command(command, study, tmp_path):
         words.append(f"results_dir={tmp_path / 'results'}")
     done = infoplan(*words, cwd=study, env=dict(os.environ), check=False)
     assert done.returncode == 0, done.stderr + done.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links(page):
+    text = re.sub("```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    targets = [target for target in re.findall(r"\]\(([^)]+)\)", text) if "://" not in target]
+    for target in targets:
+        path, _, anchor = target.partition("#")
+        file = page.parent / path if path else page
+        assert file.exists(), f"{page.name} links to {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = {
+                re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings
+            }
+            assert anchor in slugs, f"{page.name} links to {target}"
+
+
+def test_the_readme_is_short_and_leads_to_every_page():
+    text = PAGES[0].read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 200
+    assert [page.name for page in PAGES[1:] if f"(docs/{page.name})" not in text] == []
 
 
 def test_there_are_examples():
