@@ -113,10 +113,11 @@ class Likelihood:
         value = self.value(theta)
         if self.n_data == 0:
             return value, np.zeros(4)
+        weights = self._solve(theta)
         self._theta = None  # the inverse takes the factor's place
         inverse, _ = self._pftri(self.n_data, self._packed(), uplo="L", overwrite_a=1)
         variance, rates, noise = parameters(theta)
-        pairs, first, second, trace = gradient_sums(self._x, rates, self._weights, inverse)
+        pairs, first, second, trace = gradient_sums(self._x, rates, weights, inverse)
         gradient = [
             variance * (2.0 * pairs + trace),
             2.0 * variance * first,

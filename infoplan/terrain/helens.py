@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.caches import kept_file
 from infoplan.errors import RunError, UsageError
 
 FILE = "helens.npy"
@@ -56,8 +57,8 @@ def find_helens(path: Path | None = None) -> Path | None:
     data = os.environ.get("INFOPLAN_DATA")
     if data and (file := _in_folder(Path(data).expanduser())).is_file():
         return _checked(file, "INFOPLAN_DATA")
-    cached = _cached_file()
-    return cached if _is_whole(cached) else None
+    cached = kept_file(FILE)
+    return cached if cached and _is_whole(cached) else None
 
 
 def fetch_helens(patience: float = PATIENCE) -> Path:
@@ -78,7 +79,12 @@ def fetch_helens(patience: float = PATIENCE) -> Path:
     RunError
         If it can be neither downloaded nor kept.
     """
-    cached = _cached_file()
+    cached = kept_file(FILE)
+    if cached is None:
+        raise RunError(
+            f"{FILE} can be kept nowhere: neither the user's cache nor a temporary folder can be "
+            "written; set XDG_CACHE_HOME to a folder that can"
+        )
     if _is_whole(cached):
         return cached
     content = _download(patience)
@@ -100,12 +106,6 @@ def read_helens(file: Path) -> NDArray[np.float64]:
 
 def _in_folder(path: Path) -> Path:
     return path / FILE if path.is_dir() else path
-
-
-def _cached_file() -> Path:
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("infoplan")) / FILE
 
 
 def _checked(file: Path, source: str) -> Path:
