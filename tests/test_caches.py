@@ -90,7 +90,7 @@ def test_kernels_go_to_a_temporary_folder_of_ones_own_and_one_line_says_so(conta
     assert list(folder.glob("infoplan-kernels/*/*.bin"))
     # The next process uses what is there.
     before = sorted(folder.rglob("*.bin"))
-    again = run(container, "run", *mission, "resume=false")
+    run(container, "run", *mission, "resume=false")
     assert sorted(folder.rglob("*.bin")) == before
     assert list((container / "tmp").iterdir()) == [folder]
 
