@@ -287,7 +287,13 @@ class Mission:
         return checked_verdict(verdict, len(samples), method_label(self.config.detector))
 
     def evaluate(self) -> CurveRow:
-        """Predict the query grid (line 5) and score the prediction against the truth."""
+        """Predict the query grid (line 5) and score the prediction against the truth.
+
+        Raises
+        ------
+        RunError
+            If the model's prediction is none, or so far off that its errors overflow.
+        """
         with self._timed("predict"):
             prediction = self.model.predict(self.grid)
             self.mean, self.latent_std = checked_prediction(
@@ -295,18 +301,12 @@ class Mission:
             )
             lml = _number(self.model, "log_marginal_likelihood")
         learned = getattr(self.model, "hyperparameters", None)
-        error = self.mean - self.grid_truth
-        standardised = error / self.latent_std
-        log_density = -0.5 * standardised**2 - np.log(self.latent_std) - 0.5 * np.log(2 * np.pi)
-        inside = np.where(np.isnan(error), np.nan, np.abs(standardised) <= 1.959964)
+        errors = self._errors()
         return CurveRow(
             epoch=self.epoch,
             collected=self.collected,
             accepted=int(np.sum(~self.samples.flagged)),
-            rmse=float(np.sqrt(np.mean(error**2))),
-            mae=float(np.mean(np.abs(error))),
-            nlpd=float(-np.mean(log_density)),
-            coverage95=float(np.mean(inside)),
+            **errors,
             **self.confusion,
             amplitude=_number(learned, "amplitude"),
             lengthscale_1=_number(learned, "lengthscale_1"),
@@ -319,6 +319,34 @@ class Mission:
             predict_seconds=self.seconds["predict"],
             detect_seconds=self.seconds["detect"],
         )
+
+    def _errors(self) -> dict[str, Any]:
+        """Compare the prediction with the truth.
+
+        Raises
+        ------
+        RunError
+            If a square overflows: such a prediction is no result.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = self.mean - self.grid_truth
+            standardised = error / self.latent_std
+            log_density = -0.5 * standardised**2 - np.log(self.latent_std) - 0.5 * np.log(2 * np.pi)
+            inside = np.where(np.isnan(error), np.nan, np.abs(standardised) <= 1.959964)
+            errors = {
+                "rmse": float(np.sqrt(np.mean(error**2))),
+                "mae": float(np.mean(np.abs(error))),
+                "nlpd": float(-np.mean(log_density)),
+                "coverage95": float(np.mean(inside)),
+            }
+        if overflown := [name for name, value in errors.items() if np.isinf(value)]:
+            raise RunError(
+                f"the {overflown[0]} of the model {method_label(self.config.model)} overflows: it "
+                f"predicts {self.mean.min():.3g} to {self.mean.max():.3g} with deviations from "
+                f"{self.latent_std.min():.3g}, where the terrain has {self.grid_truth.min():.3g} "
+                f"to {self.grid_truth.max():.3g}; look at its data and its numerical precision"
+            )
+        return errors
 
     @property
     def std(self) -> Floats:

@@ -60,7 +60,7 @@ def _restore() -> None:
 def _take_control() -> None:
     """Let whoever comes next set the number of OpenBLAS: this thread, or after it any other.
 
-    Newer versions of threadpoolctl listen to one thread alone, and ignore the others without a word.
+    Newer versions of threadpoolctl listen to one thread alone, and quietly ignore the others.
     """
     from threadpoolctl import OpenBLASController
 

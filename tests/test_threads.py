@@ -50,11 +50,16 @@ def test_the_last_to_leave_restores():
 
 def test_nested_and_after_an_error():
     before = blas_threads()
-    with pytest.raises(ZeroDivisionError), one_thread():
+
+    def fail() -> None:
         with one_thread():
-            look_again()
-        assert set(blas_threads()) == {1}
-        raise ZeroDivisionError
+            with one_thread():
+                look_again()
+            assert set(blas_threads()) == {1}
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     assert blas_threads() == before
 
 
