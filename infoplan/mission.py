@@ -25,6 +25,9 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
+LARGEST = 1e100
+"""Largest measurement in size: its cube, which detectors sum, is still a number."""
+
 TURNS = 16
 """Turns on the spot that come round once."""
 
@@ -173,8 +176,14 @@ class Mission:
         return bezier_path(np.array(pilot.control_points), self.terrain.extent, pilot.samples)
 
     def start(self, pilot: Samples) -> None:
-        """Fit the scalers and the model's hyperparameters to the pilot samples (lines 2 and 3)."""
-        self.samples = pilot
+        """Fit the scalers and the model's hyperparameters to the pilot samples (lines 2 and 3).
+
+        Raises
+        ------
+        RunError
+            If a measurement is beyond 1e100, or the model cannot take the pilot.
+        """
+        self.samples = _checked_size(pilot)
         self.pose = np.append(pilot.x[-1], pilot.heading[-1])
         with self._timed("fit"):
             self.model = self.new_model(pilot.x.copy(), pilot.measured.copy())
@@ -252,8 +261,14 @@ class Mission:
         )
 
     def observe(self, batch: Samples) -> None:
-        """Detect the outliers, drop them, and teach the model the clean data (lines 8 to 10)."""
-        self.samples = self.samples.joined(batch)
+        """Detect the outliers, drop them, and teach the model the clean data (lines 8 to 10).
+
+        Raises
+        ------
+        RunError
+            If a measurement is beyond 1e100, or the detector gives no verdict.
+        """
+        self.samples = self.samples.joined(_checked_size(batch))
         self.pose = np.append(batch.x[-1], batch.heading[-1])
         historical = self.config.detector.scope == "historical"
         judged = slice(0 if historical else -len(batch), None)
@@ -376,6 +391,17 @@ class Mission:
 def _number(owner: Any, name: str) -> float:
     """Return a number that a model tells of itself; NaN if it does not."""
     return float(getattr(owner, name, np.nan))
+
+
+def _checked_size(batch: Samples) -> Samples:
+    """Refuse measurements with whose size nothing can be computed."""
+    if not np.all(np.abs(batch.measured) <= LARGEST):
+        worst = batch.measured[np.argmax(~(np.abs(batch.measured) <= LARGEST))]
+        raise RunError(
+            f"a measurement is {worst:.3g}, beyond {LARGEST:g} in size: make sensor.noise_std, "
+            "outliers.amplitude or the terrain's elevations smaller"
+        )
+    return batch
 
 
 def _locked(array: NDArray[Any]) -> NDArray[Any]:

@@ -217,8 +217,9 @@ class Likelihood:
             self._buffer = np.empty(_packed_size(self.n_data), dtype=self._buffer.dtype)
         self.jitter = self._configured_jitter
         variance, _, noise = parameters(theta)
+        largest = float(np.finfo(self._buffer.dtype).max)
         while not self._build_and_factorise(theta):
-            if not self.jitter <= variance + noise < np.finfo(self._buffer.dtype).max:
+            if not self.jitter <= variance + noise < largest:
                 raise RunError(not_factorised("Gaussian process", theta, self._buffer.dtype))
             self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
         self._theta, self._rows = theta.copy(), self.n_data
