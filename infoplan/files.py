@@ -65,9 +65,18 @@ def read_regular(path: Path, limit: int) -> bytes:
         size = os.fstat(stream.fileno()).st_size
         if size > limit:
             raise UsageError(f"{path} has {size} bytes, more than the {limit} that it may have")
-        content = stream.read(limit + 1)
+        content = read_up_to(stream, size, limit)
     if len(content) > limit:  # it has grown meanwhile, or never told its size, as under /proc
         raise UsageError(f"{path} has more than the {limit} bytes that it may have")
+    return content
+
+
+def read_up_to(stream: BinaryIO, size: int, limit: int) -> bytes:
+    """Read what a stream holds, about `size` bytes; of more than `limit`, a few more than that."""
+    content = stream.read(size)
+    # No more memory is taken than is there.
+    while len(content) <= limit and (more := stream.read(2**20)):
+        content += more
     return content
 
 

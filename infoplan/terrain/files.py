@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
 from infoplan.errors import UsageError
-from infoplan.files import open_regular
+from infoplan.files import open_regular, read_up_to
 from infoplan.terrain import archives, arrays, esri, points, rasters, texts
 from infoplan.terrain.grids import Grid, Resampled
 from infoplan.wording import harmless, suggest
@@ -135,8 +135,7 @@ def _read(stream: BinaryIO, name: str, what: str, wanted: Wanted) -> MapFile:
     stream.seek(0)
     if large and size > IN_MEMORY:
         return _read_large(stream, name, what, wanted)
-    # One byte more than there may be: the file may grow, and under /proc none tells its size.
-    content = stream.read(MAX_BYTES + 1) if size <= MAX_BYTES else b""
+    content = read_up_to(stream, size, MAX_BYTES) if size <= MAX_BYTES else b""
     if size > MAX_BYTES or len(content) > MAX_BYTES:
         raise UsageError(f"{what} has more than {MAX_BYTES} bytes: cut or coarsen the map first")
     digest = hashlib.sha256(content).hexdigest()

@@ -33,6 +33,9 @@ MAX_SIDE = 2**20
 MAX_ELEVATION = 1e100
 """Largest elevation, up or down: its square is still a double."""
 
+MIN_RELIEF = 1e-100
+"""Least difference of the highest and the lowest elevation."""
+
 SAME = 1e-7
 """Relative difference of two spellings of a number in single precision."""
 
@@ -140,16 +143,16 @@ def check_elevations(elevation: Floats, what: str) -> None:
     """
     check_missing(int(np.sum(~np.isfinite(elevation))), elevation.size, what)
     low, high = float(elevation.min()), float(elevation.max())
+    if high - low < MIN_RELIEF:
+        raise UsageError(
+            f"the map in {what} is {low:g} everywhere: there is nothing to map, "
+            "give one whose elevations vary"
+        )
     if max(-low, high) > MAX_ELEVATION:
         extreme = low if -low > high else high
         raise UsageError(
             f"the map in {what} has an elevation of {plain(extreme)}, beyond {MAX_ELEVATION:g}: "
             "correct it, or mark it as missing (terrain.nodata=<number> does it for a file)"
-        )
-    if low == high:
-        raise UsageError(
-            f"the map in {what} is {low:g} everywhere: there is nothing to map, "
-            "give one whose elevations vary"
         )
 
 
