@@ -27,6 +27,9 @@ FORMATS = {
 BYTES_A_NODE = {"USGSDEM": 1, "SRTMHGT": 2}
 """Least bytes that a node takes in a format that does not compress."""
 
+MAX_BLOCK = 2**25
+"""Most nodes of a block of a file, which is unpacked as a whole."""
+
 WINDOW = 2**22
 """About as many nodes of a large file are read at once."""
 
@@ -118,7 +121,8 @@ def _opened(source: bytes | BinaryIO, driver: str, name: str) -> Iterator[Any]:
     import rasterio
 
     if not isinstance(source, bytes):
-        with rasterio.open(source, driver=driver) as dataset:
+        # The very file that is open, whatever its name leads to by now.
+        with rasterio.open(f"/dev/fd/{source.fileno()}", driver=driver) as dataset:
             yield dataset
         return
     # The name matters to one format alone, which has the place from it.
@@ -138,7 +142,7 @@ def _check_dataset(dataset: Any, size: int, what: str) -> None:
             f"{what} is cut short: it announces {dataset.height} x {dataset.width} nodes and has "
             f"{size} bytes, so copy or download it again"
         )
-    if math.prod(dataset.block_shapes[0]) > grids.MAX_NODES:
+    if math.prod(dataset.block_shapes[0]) > MAX_BLOCK:
         raise UsageError(
             f"the map in {what} has {dataset.height} x {dataset.width} nodes, too many to be read "
             "in blocks as large as its own: cut, coarsen or tile it first"
