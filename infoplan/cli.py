@@ -45,8 +45,10 @@ def main(argv: list[str] | None = None) -> int:
         0: done; 1: a run failed; 2: a usage error; 130: interrupted.
     """
     arguments = sys.argv[1:] if argv is None else argv
+    from infoplan.caches import prepare_matplotlib
     from infoplan.errors import RunError, UsageError
 
+    prepare_matplotlib()
     try:
         return _dispatch(arguments)
     except KeyboardInterrupt:

@@ -103,9 +103,10 @@ class FileConfig(TerrainConfig):
         None, "the map's name in a .zip archive; null: the only one", science=False
     )
     array: str | None = option(None, "the array's name in a .npz file; null: the only one")
-    nodata: str = option(
+    nodata: Any = option(  # a union would be right, but OmegaConf 2.3 cannot merge one
         "refuse",
-        "missing elevations: refuse the map, or fill each from the nearest node",
+        "missing elevations: refuse the map, or fill each from the nearest node; a number marks "
+        "those that have it as missing and fills all",
         choices=("refuse", "fill"),
     )
     shape: list[int] | None = option(
@@ -120,6 +121,11 @@ class FileConfig(TerrainConfig):
         "if negative; null: all",
         length=4,
     )
+
+    def __post_init__(self) -> None:
+        """Make one spelling of a number, -9999 and -9999.0: a run's name depends on it."""
+        if isinstance(self.nodata, int) and not isinstance(self.nodata, bool):
+            self.nodata = float(self.nodata)
 
 
 @dataclass
@@ -664,7 +670,8 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
         return
     if isinstance(value, str):
         if choices and value not in choices:
-            also = " or a whole number" if metadata["bounds"] else ""
+            number = " or a whole number" if metadata["bounds"] else " or a number"
+            also = number if metadata["type"] is Any else ""
             raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
         return
     length = metadata["length"]

@@ -3,6 +3,7 @@
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 from infoplan.errors import UsageError
 
@@ -16,6 +17,26 @@ def user_path(text: str | Path) -> Path:
         return Path(text).expanduser()
     except RuntimeError:
         return Path(text)
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file that must be a regular one; links are followed, nothing is waited for.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    UsageError
+        If it is a folder, pipe, socket or device.
+    """
+    # Opening a pipe waits for a writer, unless told not to.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(path, flags)
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(descriptor, "rb")
+    os.close(descriptor)
+    raise UsageError(f"{path} is {_kind(mode)}: name a file")
 
 
 def read_regular(path: Path, limit: int) -> bytes:
@@ -40,23 +61,22 @@ def read_regular(path: Path, limit: int) -> bytes:
         If it is a folder, pipe, socket or device, or larger than `limit`. Nothing of it is read
         then, and nothing waited for.
     """
-    # Opening a pipe waits for a writer, unless told not to.
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    descriptor = os.open(path, flags)
-    try:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise UsageError(f"{path} is {_kind(status.st_mode)}: name a file")
-        if status.st_size > limit:
-            raise UsageError(
-                f"{path} has {status.st_size} bytes, more than the {limit} that it may have"
-            )
-        with os.fdopen(descriptor, "rb", closefd=False) as stream:
-            content = stream.read(limit + 1)
-    finally:
-        os.close(descriptor)
+    with open_regular(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > limit:
+            raise UsageError(f"{path} has {size} bytes, more than the {limit} that it may have")
+        content = read_up_to(stream, size, limit)
     if len(content) > limit:  # it has grown meanwhile, or never told its size, as under /proc
         raise UsageError(f"{path} has more than the {limit} bytes that it may have")
+    return content
+
+
+def read_up_to(stream: BinaryIO, size: int, limit: int) -> bytes:
+    """Read what a stream holds, about `size` bytes; of more than `limit`, a few more than that."""
+    content = stream.read(size)
+    # No more memory is taken than is there.
+    while len(content) <= limit and (more := stream.read(2**20)):
+        content += more
     return content
 
 

@@ -11,7 +11,6 @@ import re
 import shlex
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -33,6 +32,7 @@ from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from infoplan.caches import scratch_folder
 from infoplan.config import (
     METHODS,
     TERRAIN_SCHEMAS,
@@ -453,7 +453,7 @@ def _added_keys(config: object, prefix: str = "") -> Iterator[str]:
 def _command_line(arguments: list[str]) -> Iterator[None]:
     """Let Hydra see these arguments, raise its errors as they are, and keep its files away."""
     saved_argv, saved_flag = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
-    scratch = tempfile.mkdtemp(prefix="infoplan-")
+    scratch = scratch_folder()
     multirun = any(argument in ("-m", "--multirun") for argument in arguments)
     if multirun and not any(argument.startswith("hydra.sweep.dir=") for argument in arguments):
         # Hydra's sweeper insists on writing multirun.yaml somewhere.

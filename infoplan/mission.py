@@ -25,6 +25,9 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
+LARGEST = 1e100
+"""Largest measurement in size: its cube, which detectors sum, is still a number."""
+
 TURNS = 16
 """Turns on the spot that come round once."""
 
@@ -173,8 +176,14 @@ class Mission:
         return bezier_path(np.array(pilot.control_points), self.terrain.extent, pilot.samples)
 
     def start(self, pilot: Samples) -> None:
-        """Fit the scalers and the model's hyperparameters to the pilot samples (lines 2 and 3)."""
-        self.samples = pilot
+        """Fit the scalers and the model's hyperparameters to the pilot samples (lines 2 and 3).
+
+        Raises
+        ------
+        RunError
+            If a measurement is beyond 1e100, or the model cannot take the pilot.
+        """
+        self.samples = _checked_size(pilot)
         self.pose = np.append(pilot.x[-1], pilot.heading[-1])
         with self._timed("fit"):
             self.model = self.new_model(pilot.x.copy(), pilot.measured.copy())
@@ -252,8 +261,14 @@ class Mission:
         )
 
     def observe(self, batch: Samples) -> None:
-        """Detect the outliers, drop them, and teach the model the clean data (lines 8 to 10)."""
-        self.samples = self.samples.joined(batch)
+        """Detect the outliers, drop them, and teach the model the clean data (lines 8 to 10).
+
+        Raises
+        ------
+        RunError
+            If a measurement is beyond 1e100, or the detector gives no verdict.
+        """
+        self.samples = self.samples.joined(_checked_size(batch))
         self.pose = np.append(batch.x[-1], batch.heading[-1])
         historical = self.config.detector.scope == "historical"
         judged = slice(0 if historical else -len(batch), None)
@@ -287,7 +302,13 @@ class Mission:
         return checked_verdict(verdict, len(samples), method_label(self.config.detector))
 
     def evaluate(self) -> CurveRow:
-        """Predict the query grid (line 5) and score the prediction against the truth."""
+        """Predict the query grid (line 5) and score the prediction against the truth.
+
+        Raises
+        ------
+        RunError
+            If the model's prediction is none, or so far off that its errors overflow.
+        """
         with self._timed("predict"):
             prediction = self.model.predict(self.grid)
             self.mean, self.latent_std = checked_prediction(
@@ -295,18 +316,12 @@ class Mission:
             )
             lml = _number(self.model, "log_marginal_likelihood")
         learned = getattr(self.model, "hyperparameters", None)
-        error = self.mean - self.grid_truth
-        standardised = error / self.latent_std
-        log_density = -0.5 * standardised**2 - np.log(self.latent_std) - 0.5 * np.log(2 * np.pi)
-        inside = np.where(np.isnan(error), np.nan, np.abs(standardised) <= 1.959964)
+        errors = self._errors()
         return CurveRow(
             epoch=self.epoch,
             collected=self.collected,
             accepted=int(np.sum(~self.samples.flagged)),
-            rmse=float(np.sqrt(np.mean(error**2))),
-            mae=float(np.mean(np.abs(error))),
-            nlpd=float(-np.mean(log_density)),
-            coverage95=float(np.mean(inside)),
+            **errors,
             **self.confusion,
             amplitude=_number(learned, "amplitude"),
             lengthscale_1=_number(learned, "lengthscale_1"),
@@ -319,6 +334,34 @@ class Mission:
             predict_seconds=self.seconds["predict"],
             detect_seconds=self.seconds["detect"],
         )
+
+    def _errors(self) -> dict[str, Any]:
+        """Compare the prediction with the truth.
+
+        Raises
+        ------
+        RunError
+            If a square overflows: such a prediction is no result.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = self.mean - self.grid_truth
+            standardised = error / self.latent_std
+            log_density = -0.5 * standardised**2 - np.log(self.latent_std) - 0.5 * np.log(2 * np.pi)
+            inside = np.where(np.isnan(error), np.nan, np.abs(standardised) <= 1.959964)
+            errors = {
+                "rmse": float(np.sqrt(np.mean(error**2))),
+                "mae": float(np.mean(np.abs(error))),
+                "nlpd": float(-np.mean(log_density)),
+                "coverage95": float(np.mean(inside)),
+            }
+        if overflown := [name for name, value in errors.items() if np.isinf(value)]:
+            raise RunError(
+                f"the {overflown[0]} of the model {method_label(self.config.model)} overflows: it "
+                f"predicts {self.mean.min():.3g} to {self.mean.max():.3g} with deviations from "
+                f"{self.latent_std.min():.3g}, where the terrain has {self.grid_truth.min():.3g} "
+                f"to {self.grid_truth.max():.3g}; look at its data and its numerical precision"
+            )
+        return errors
 
     @property
     def std(self) -> Floats:
@@ -348,6 +391,17 @@ class Mission:
 def _number(owner: Any, name: str) -> float:
     """Return a number that a model tells of itself; NaN if it does not."""
     return float(getattr(owner, name, np.nan))
+
+
+def _checked_size(batch: Samples) -> Samples:
+    """Refuse measurements with whose size nothing can be computed."""
+    if not np.all(np.abs(batch.measured) <= LARGEST):
+        worst = batch.measured[np.argmax(~(np.abs(batch.measured) <= LARGEST))]
+        raise RunError(
+            f"a measurement is {worst:.3g}, beyond {LARGEST:g} in size: make sensor.noise_std, "
+            "outliers.amplitude or the terrain's elevations smaller"
+        )
+    return batch
 
 
 def _locked(array: NDArray[Any]) -> NDArray[Any]:

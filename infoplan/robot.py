@@ -8,9 +8,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from infoplan.compiled import kernel
 from infoplan.errors import UsageError
 
 TWO_PI = 2.0 * math.pi
@@ -39,7 +39,7 @@ PILOT_CONTROL_POINTS: tuple[tuple[float, float], ...] = (
 )
 
 
-@njit(cache=True)
+@kernel()
 def wrap(angle: float) -> float:
     """Return an angle modulo 2 pi.
 
@@ -60,7 +60,7 @@ def wrap(angle: float) -> float:
     return angle if angle < TWO_PI else 0.0
 
 
-@njit(cache=True)
+@kernel()
 def step(x: float, y: float, theta: float, u: float, speed: float) -> tuple[float, float, float]:
     """Drive one sample: move along the heading, then turn (paper's motion model, Euler).
 
@@ -83,7 +83,7 @@ def step(x: float, y: float, theta: float, u: float, speed: float) -> tuple[floa
     return x + speed * math.cos(theta), y + speed * math.sin(theta), wrap(theta + u)
 
 
-@njit(cache=True)
+@kernel()
 def inside(x: float, y: float, extent: tuple[float, float, float, float]) -> bool:
     """Tell whether a position lies in the workspace or on its border.
 

@@ -5,9 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from infoplan.config import Config, TerrainConfig
 from infoplan.terrain import Terrain, load_terrain
+
+# The first example may compile kernels, and a loaded machine is no fault.
+settings.register_profile("infoplan", deadline=None)
+settings.load_profile("infoplan")
 
 
 @pytest.fixture(scope="session")

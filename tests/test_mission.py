@@ -1,7 +1,9 @@
 """The mission loop, through its records."""
 
 import copy
+import warnings
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -197,3 +199,48 @@ def test_detectors_that_draw_are_repeated_by_their_seed(small, volcano):
     scores = [fly(small, volcano, seed)[0].samples.score for seed in (1, 1, 2)]
     np.testing.assert_array_equal(scores[0], scores[1])
     assert (scores[0] != scores[2]).any()
+
+
+class Beside:
+    """A model that predicts one value everywhere; like one of the user's."""
+
+    def __init__(self, x, y, *, mean=0.0, std=1.0):
+        self.answer = mean, std
+
+    def append(self, x, y):
+        pass
+
+    replace = append
+
+    def optimize(self, iterations):
+        pass
+
+    def predict(self, x):
+        return tuple(np.full(len(x), value) for value in self.answer)
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "name"), [(1e200, 1.0, "rmse"), (-1e308, 1.0, "rmse"), (0.0, 1e-200, "nlpd")]
+)
+def test_an_error_that_overflows_fails_the_mission(small, volcano, mean, std, name):
+    mission = Mission(small, volcano, seed=0)
+    mission.new_model = partial(Beside, mean=mean, std=std)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        with pytest.raises(RunError, match=f"the {name} of the model gp overflows: it predicts"):
+            next(mission.run())
+
+
+def test_a_far_off_prediction_is_a_large_error(small, volcano):
+    mission = Mission(small, volcano, seed=0)
+    mission.new_model = partial(Beside, mean=1e150, std=1e150)
+    assert next(mission.run()).rmse == pytest.approx(1e150)
+
+
+@pytest.mark.parametrize("amplitude", [[1e308, 1e308], [1e150, 1e150]])
+def test_spikes_beyond_all_numbers_are_one_sentence(small, volcano, amplitude):
+    small = replace(small, outliers=replace(small.outliers, amplitude=amplitude), rho=0.2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        with pytest.raises(RunError, match=r"outliers\.amplitude"):
+            list(Mission(small, volcano, seed=0).run())

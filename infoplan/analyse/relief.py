@@ -60,7 +60,10 @@ def local_relief(
     rows, columns = elevation.shape
     dy, dx = (extent[3] - extent[2]) / (rows - 1), (extent[1] - extent[0]) / (columns - 1)
     radius = max(radius, dx, dy)
-    down, right = int(radius / dy + 1e-9), int(radius / dx + 1e-9)
+    # No further than the grid reaches, however small its workspace.
+    down, right = (
+        min(int(radius / step + 1e-9), nodes - 1) for step, nodes in ((dy, rows), (dx, columns))
+    )
     i, j = np.mgrid[-down : down + 1, -right : right + 1]
     disc = np.hypot(i * dy, j * dx) <= radius * (1 + 1e-9)
     # Beyond the border the nearest node is repeated, which the disc holds already.

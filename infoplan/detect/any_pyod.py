@@ -5,6 +5,7 @@ import importlib.util
 import inspect
 import pkgutil
 import re
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -23,6 +24,8 @@ SET_ELSEWHERE = {
     "random_state": "it follows from the mission's seed",
 }
 """Parameters of PyOD's classes that are not for detector.params."""
+
+_global_generator = threading.Lock()
 
 
 def pyod(
@@ -168,10 +171,11 @@ def _modules() -> dict[str, str]:
 
 @contextmanager
 def _global_generator_seeded(seed: int) -> Iterator[None]:
-    """Give NumPy's global generator a seed for a while."""
-    state = np.random.get_state()  # noqa: NPY002 - what scikit-learn falls back on
-    np.random.seed(seed)  # noqa: NPY002
-    try:
-        yield
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
+    """Give NumPy's global generator a seed for a while, to one thread at a time."""
+    with _global_generator:
+        state = np.random.get_state()  # noqa: NPY002 - what scikit-learn falls back on
+        np.random.seed(seed)  # noqa: NPY002
+        try:
+            yield
+        finally:
+            np.random.set_state(state)  # noqa: NPY002

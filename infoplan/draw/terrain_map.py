@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.analyse.relief import local_relief
+from infoplan.analyse.relief import RADIUS, local_relief
 from infoplan.config import PilotConfig
 from infoplan.draw import style
+from infoplan.errors import RunError
 from infoplan.robot import bezier_path
 from infoplan.terrain import Terrain
+from infoplan.wording import figure, harmless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,33 +25,41 @@ FLAT = 0.05
 SIDE = 400
 """Local relief and shading are taken from at most so many rows and columns of a larger map."""
 
+DENSITY = 10
+"""Local relief is taken from at most so many rows and columns a workspace unit."""
+
 
 def describe(terrain: Terrain) -> str:
     """Describe a terrain: size, unit, elevations, relief, share of flat land.
 
     Relief is highest less lowest elevation, over the whole map and within 2 workspace units of a
     node; flat land has a local relief below 5 % of the whole map's. Of a map with more than
-    `SIDE` x `SIDE` nodes the local relief is that of so many, evenly spaced.
+    `SIDE` x `SIDE` nodes, or than `DENSITY` a workspace unit, the local relief is that of so many,
+    evenly spaced. Text of the map's own, such as its unit, is made harmless.
     """
     z = terrain.elevation
     rows, columns = z.shape
     xmin, xmax, ymin, ymax = terrain.extent
-    local = local_relief(thinned(terrain), terrain.extent)
     relief = float(np.ptp(z))
-    unit = terrain.unit
+    local = _local_relief(terrain)
+    unit = harmless(terrain.unit)
+    low, high = (_to_tell(value, relief) for value in (float(z.min()), float(z.max())))
     flat = np.mean(local < FLAT * relief) if relief else 1.0
     facts = {
         "terrain": terrain.name,
         "nodes": f"{rows} x {columns}, rows along y",
-        "workspace": f"x {xmin:g} to {xmax:g}, y {ymin:g} to {ymax:g}",
-        "elevation": f"{z.min():.0f} to {z.max():.0f} {unit}",
-        "mean, std": f"{z.mean():.0f}, {z.std():.0f} {unit}",
-        "relief": f"{relief:.0f} {unit}; within 2 units {np.median(local):.0f} {unit} (median)",
+        "workspace": f"x {xmin:.10g} to {xmax:.10g}, y {ymin:.10g} to {ymax:.10g}",
+        "elevation": f"{low} to {high} {unit}",
+        "mean, std": f"{_to_tell(float(z.mean()), relief)}, {figure(float(z.std()))} {unit}",
+        "relief": (
+            f"{figure(relief)} {unit}; "
+            f"within 2 units {figure(float(np.median(local)))} {unit} (median)"
+        ),
         "flat land": f"{100 * flat:.0f} % (local relief below {FLAT:.0%} of the whole)",
     }
     if terrain.world is not None:
         west, east, south, north = (f"{bound:.10g}" for bound in terrain.world)
-        facts["world"] = f"{west} to {east}, {south} to {north} {terrain.crs}".rstrip()
+        facts["world"] = f"{west} to {east}, {south} to {north} {harmless(terrain.crs)}".rstrip()
     facts["sha256"] = terrain.sha256
     return "\n".join(f"{name:10} {fact}" for name, fact in facts.items())
 
@@ -61,12 +71,17 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
     -------
     Path
         The PNG; a PDF and the pilot path's CSV lie beside it.
+
+    Raises
+    ------
+    RunError
+        If they cannot be written.
     """
     pilot = PilotConfig()
     path = bezier_path(np.array(pilot.control_points), terrain.extent, pilot.samples)
     with style.journal():
-        figure = style.new_figure(style.COLUMN, 2.9)
-        axes = figure.add_subplot()
+        drawing = style.new_figure(style.COLUMN, 2.9)
+        axes = drawing.add_subplot()
         image = style.show_relief(axes, thinned(terrain), terrain.extent)
         axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
         axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
@@ -74,11 +89,17 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
         space = "\n" if narrow else " "
         title = f"{terrain.name},{space}pilot path from the ringed sample"
         style.panel(axes, "", title)
-        style.colour_bar(image, axes, f"elevation ({terrain.unit})")
+        style.colour_bar(image, axes, f"elevation ({_label(terrain.unit)})")
         _world_axes(axes, terrain)
         numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
         numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
-        return style.save(figure, folder, f"terrain-{terrain.name}", numbers)[0]
+        try:
+            return style.save(drawing, folder, f"terrain-{terrain.name}", numbers)[0]
+        except OSError as error:
+            raise RunError(
+                f"the picture of {terrain.name} cannot be written to {harmless(folder)}: "
+                f"{error.strerror or error}; choose another folder with results_dir="
+            ) from error
 
 
 def thinned(terrain: Terrain) -> NDArray[np.float64]:
@@ -91,6 +112,33 @@ def thinned(terrain: Terrain) -> NDArray[np.float64]:
     rows, columns = (min(nodes, SIDE) for nodes in terrain.elevation.shape)
     x, y = terrain.query_grid((rows, columns)).T
     return terrain.elevation_at(x, y).reshape(rows, columns)
+
+
+def _local_relief(terrain: Terrain) -> NDArray[np.float64]:
+    """Local relief of a terrain at no more nodes than tell it."""
+    xmin, xmax, ymin, ymax = terrain.extent
+    most = [max(2, int(min(DENSITY * side, 1e6)) + 1) for side in (ymax - ymin, xmax - xmin)]
+    elevation = thinned(terrain)
+    if np.hypot(xmax - xmin, ymax - ymin) <= RADIUS:
+        return np.full(elevation.shape, np.ptp(terrain.elevation))
+    rows, columns = elevation.shape
+    if rows > most[0] or columns > most[1]:
+        rows, columns = min(rows, most[0]), min(columns, most[1])
+        x, y = terrain.query_grid((rows, columns)).T
+        elevation = terrain.elevation_at(x, y).reshape(rows, columns)
+    return local_relief(elevation, terrain.extent)
+
+
+def _to_tell(value: float, spread: float) -> str:
+    """Write a number so that it can be told from others that differ by a spread or less."""
+    if 0 < spread < 0.01 * abs(value) < 1e7:
+        return f"{value:.{max(0, 2 - int(np.floor(np.log10(spread))))}f}"
+    return figure(value)
+
+
+def _label(text: str) -> str:
+    """Write text of unknown origin so that matplotlib takes none of it for mathematics."""
+    return harmless(text).replace("$", r"\$")
 
 
 def _world_axes(axes: "Axes", terrain: Terrain) -> None:
@@ -106,7 +154,7 @@ def _world_axes(axes: "Axes", terrain: Terrain) -> None:
         there = partial(_straight, at=extent[0], value=world[0], slope=slope)
         back = partial(_straight, at=world[0], value=extent[0], slope=1 / slope)
         outside = getattr(axes, f"secondary_{axis}axis")(-0.22, functions=(there, back))
-        getattr(outside, f"set_{axis}label")(terrain.crs if len(terrain.crs) < 20 else "world")
+        getattr(outside, f"set_{axis}label")(_label(terrain.crs) if len(terrain.crs) < 20 else "world")
         outside.ticklabel_format(useOffset=False, style="plain")
         getattr(outside, f"{axis}axis").set_major_locator(MaxNLocator(3))
         outside.tick_params(axis="y", labelrotation=90)

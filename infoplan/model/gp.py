@@ -50,7 +50,8 @@ class GaussianProcess:
         First sigma^2.
     jitter : float
         Added to sigma^2 in every factorisation. One that fails is repeated with ten times the
-        jitter until it succeeds; the next starts from this value again.
+        jitter until it succeeds, or the jitter exceeds all variances; the next starts from this
+        value again.
     min_noise_variance : float
         Floor of the learned sigma^2.
     optimizer : {"adam", "lbfgs"}
@@ -63,7 +64,8 @@ class GaussianProcess:
     Raises
     ------
     RunError
-        If the pilot cannot fix the scalers: no extent, equal or non-finite values.
+        If the pilot cannot fix the scalers: no extent, equal, non-finite or huge values. All that
+        computes with the covariance raises it, too, if that cannot be factorised.
     """
 
     def __init__(
@@ -117,8 +119,14 @@ class GaussianProcess:
             )
         self._x_low = x.min(axis=0)
         self._x_extent = np.ptp(x, axis=0)
-        self._y_mean = float(y.mean())
-        self._y_std = float(y.std())
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            self._y_mean = float(y.mean())
+            self._y_std = float(y.std())
+        if not (np.isfinite(self._y_mean) and 0.0 < self._y_std < np.inf):
+            raise RunError(
+                f"The pilot's measurements, {y.min():.3g} to {y.max():.3g}, differ by too much or "
+                "too little for a standard deviation, which scales the model: use another unit."
+            )
         self._lower, self._upper = bounds(min_noise_variance)
         self._theta = np.log(np.maximum(start, 1e-20))
         self._optimizer = Adam(learning_rate) if optimizer == "adam" else Lbfgs()
@@ -258,7 +266,7 @@ class GaussianProcess:
 
     def _scaled(self, x: np.ndarray) -> np.ndarray:
         """Return inputs in units of the pilot's bounding box, shape (2, n)."""
-        return np.ascontiguousarray((2.0 * (x - self._x_low) / self._x_extent - 1.0).T)
+        return np.ascontiguousarray((2.0 * ((x - self._x_low) / self._x_extent) - 1.0).T)
 
 
 def _checked(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,8 @@ the rest of it, transposed, in the corner that these leave free.
 """
 
 import numpy as np
-from numba import njit
+
+from infoplan.compiled import kernel
 
 # Kernel values below 1e-20 of the variance are far below rounding: zero keeps subnormals away.
 _SMALLEST_EXPONENT = -46.05170185988091
@@ -25,7 +26,7 @@ _LN2_LOW = 1.90821492927058770002e-10
 _ROUND = 6755399441055744.0
 
 
-@njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _exp(t: float) -> float:
     """Exponential of -700 <= t <= 0, without a call or a branch, so that loops over it vectorise.
 
@@ -52,14 +53,14 @@ def _exp(t: float) -> float:
     return p * np.int64(bits).view(np.float64)
 
 
-@njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _correlation(t: float) -> float:
     """exp(t) of a non-positive t, cut to zero where it is negligible."""
     e = _exp(max(t, -700.0))
     return e if t > _SMALLEST_EXPONENT else 0.0
 
 
-@njit(cache=True)
+@kernel()
 def position(i: int, j: int, n: int) -> int:
     """Place of element (i, j), i >= j, of a packed n x n matrix."""
     split, even, lda = (n + 1) // 2, 1 - n % 2, n | 1
@@ -68,7 +69,7 @@ def position(i: int, j: int, n: int) -> int:
     return (i - split + 1 - even) * lda + j - split
 
 
-@njit(cache=True)
+@kernel()
 def _run(p: int, n: int) -> tuple[int, int, int]:
     """Points whose entries with point p lie side by side: the first, the end, and their place.
 
@@ -80,7 +81,7 @@ def _run(p: int, n: int) -> tuple[int, int, int]:
     return split, p, position(p, split, n)
 
 
-@njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def fill_covariance(
     x: np.ndarray, rates: np.ndarray, variance: float, diagonal: float, out: np.ndarray
 ) -> None:
@@ -112,7 +113,7 @@ def fill_covariance(
             run[i] = variance * _correlation(-(rates[0] * d1 * d1 + rates[1] * d2 * d2))
 
 
-@njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def fill_cross_covariance(
     a: np.ndarray, b: np.ndarray, rates: np.ndarray, variance: float, out: np.ndarray
 ) -> None:
@@ -137,7 +138,7 @@ def fill_cross_covariance(
             out[i, j] = variance * _correlation(-(rates[0] * d1 * d1 + rates[1] * d2 * d2))
 
 
-@njit(cache=True, fastmath={"contract", "reassoc"})
+@kernel(fastmath={"contract", "reassoc"})
 def gradient_sums(
     x: np.ndarray, rates: np.ndarray, weights: np.ndarray, inverse: np.ndarray
 ) -> tuple[float, float, float, float]:
@@ -183,7 +184,7 @@ def gradient_sums(
     return pairs, first_axis, second_axis, trace
 
 
-@njit(cache=True)
+@kernel()
 def diagonal(n: int, packed: np.ndarray) -> np.ndarray:
     """Copy the diagonal of a packed n x n matrix, in double precision."""
     out = np.empty(n)
@@ -192,7 +193,7 @@ def diagonal(n: int, packed: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@kernel()
 def append_rows(
     old: int, factor: np.ndarray, above: np.ndarray, corner: np.ndarray, out: np.ndarray
 ) -> None:

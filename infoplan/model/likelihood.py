@@ -4,9 +4,12 @@ Hyperparameters are a vector theta = (log alpha, log l_1, log l_2, log sigma^2) 
 the covariance of the observations is K_y = K + (sigma^2 + jitter) I.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
+from infoplan.errors import RunError
 from infoplan.model.kernel import (
     append_rows,
     diagonal,
@@ -32,7 +35,8 @@ class Likelihood:
     ----------
     jitter : float
         Added to the noise variance, in every factorisation. A factorisation that fails is tried
-        again with ten times as much, until it succeeds.
+        again with ten times as much, until it succeeds or the jitter exceeds alpha^2 + sigma^2,
+        by which any matrix of finite numbers has become positive definite.
     dtype : {"float64", "float32"}
         Of the buffer, the factorisation and the solves. Sums over data are always in double.
 
@@ -113,10 +117,11 @@ class Likelihood:
         value = self.value(theta)
         if self.n_data == 0:
             return value, np.zeros(4)
+        weights = self._solve(theta)
         self._theta = None  # the inverse takes the factor's place
         inverse, _ = self._pftri(self.n_data, self._packed(), uplo="L", overwrite_a=1)
         variance, rates, noise = parameters(theta)
-        pairs, first, second, trace = gradient_sums(self._x, rates, self._weights, inverse)
+        pairs, first, second, trace = gradient_sums(self._x, rates, weights, inverse)
         gradient = [
             variance * (2.0 * pairs + trace),
             2.0 * variance * first,
@@ -211,7 +216,11 @@ class Likelihood:
         if self._buffer.size < _packed_size(self.n_data):
             self._buffer = np.empty(_packed_size(self.n_data), dtype=self._buffer.dtype)
         self.jitter = self._configured_jitter
+        variance, _, noise = parameters(theta)
+        largest = float(np.finfo(self._buffer.dtype).max)
         while not self._build_and_factorise(theta):
+            if not self.jitter <= variance + noise < largest:
+                raise RunError(not_factorised("Gaussian process", theta, self._buffer.dtype))
             self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
         self._theta, self._rows = theta.copy(), self.n_data
 
@@ -257,7 +266,24 @@ def _packed_size(n: int) -> int:
 
 def parameters(theta: np.ndarray) -> tuple[float, np.ndarray, float]:
     """Return alpha^2, 1 / (2 l_d^2) and sigma^2 of a vector of log hyperparameters."""
-    return float(np.exp(2.0 * theta[0])), 0.5 * np.exp(-2.0 * theta[1:3]), float(np.exp(theta[3]))
+    with np.errstate(over="ignore"):  # infinite ones are told by the factorisation
+        return (
+            float(np.exp(2.0 * theta[0])),
+            0.5 * np.exp(-2.0 * theta[1:3]),
+            float(np.exp(theta[3])),
+        )
+
+
+def not_factorised(model: str, theta: np.ndarray, dtype: Any = float) -> str:
+    """Say that no jitter makes a covariance positive definite, and what may."""
+    amplitude, first, second, noise = np.exp(theta)
+    wider = ", or use model.dtype=float64" if np.dtype(dtype).itemsize < 8 else ""
+    return (
+        f"the {model} cannot factorise the covariance of its data, with amplitude {amplitude:.3g}, "
+        f"lengthscales {first:.3g} and {second:.3g} and noise variance {noise:.3g} (scaled units): "
+        "start model.amplitude, model.lengthscale and model.noise_variance nearer to 1, look for "
+        f"measurements beyond all others{wider}"
+    )
 
 
 def log_marginal_likelihood(
@@ -281,7 +307,7 @@ def log_marginal_likelihood(
     theta : ndarray of shape (4,)
         (log alpha, log l_1, log l_2, log sigma^2).
     jitter : float
-        Added to sigma^2, ten times as much whenever the factorisation fails.
+        Added to sigma^2, ten times as much whenever the factorisation fails, up to a bound.
     dtype : {"float64", "float32"}
         Precision of the factorisation.
 

@@ -27,10 +27,12 @@ def bounds(min_noise_variance: float) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     lower, upper : ndarrays of shape (4,)
-        The amplitude and the lengthscales lie in [1e-6, 1e6], sigma^2 ends at 1e12.
+        The amplitude and the lengthscales lie in [1e-6, 1e6], sigma^2 ends at 1e12 or at a floor
+        above it.
     """
-    lower = [_SMALLEST, _SMALLEST, _SMALLEST, max(min_noise_variance, _SMALLEST_NOISE)]
-    upper = [_LARGEST, _LARGEST, _LARGEST, _LARGEST_NOISE]
+    floor = max(min_noise_variance, _SMALLEST_NOISE)
+    lower = [_SMALLEST, _SMALLEST, _SMALLEST, floor]
+    upper = [_LARGEST, _LARGEST, _LARGEST, max(floor, _LARGEST_NOISE)]
     return np.log(lower), np.log(upper)
 
 

@@ -21,7 +21,7 @@ from scipy.special import gammaln
 from infoplan.errors import RunError
 from infoplan.model.gp import GaussianProcess
 from infoplan.model.kernel import fill_covariance, fill_cross_covariance, gradient_sums
-from infoplan.model.likelihood import parameters
+from infoplan.model.likelihood import not_factorised, parameters
 
 # Curvature below this share of the largest possible goes into the correction.
 _FLAT = 1e-3
@@ -330,10 +330,7 @@ class LaplaceLikelihood:
             while (mode := self._search_quietly(theta)) is None:
                 self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
                 if self.jitter > _MOST_JITTER:
-                    raise RunError(
-                        "The Student-t process cannot factorise its covariance: look for "
-                        "measurements beyond all others, or use model=gp."
-                    )
+                    raise RunError(not_factorised("Student-t process", theta))
             self._mode, self._theta, self._weights = mode, theta.copy(), mode.weights
         return self._mode
 

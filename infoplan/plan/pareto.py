@@ -1,11 +1,12 @@
 """The Pareto optimal set of a few vectors."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from infoplan.compiled import kernel
 
-@njit(cache=True)
+
+@kernel()
 def dominates(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     """Tell whether one vector dominates another, for maximisation.
 
@@ -28,7 +29,7 @@ def dominates(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return above
 
 
-@njit(cache=True)
+@kernel()
 def mark_pareto_optimal(vectors: NDArray[np.float64], mask: NDArray[np.bool_]) -> None:
     """Mark the Pareto optimal vectors in place, without allocating.
 
@@ -47,7 +48,7 @@ def mark_pareto_optimal(vectors: NDArray[np.float64], mask: NDArray[np.bool_]) -
                 break
 
 
-@njit(cache=True)
+@kernel()
 def pareto_optimal(vectors: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Find the Pareto optimal set, for maximisation (paper's Selection, PUCT).
 

@@ -7,12 +7,13 @@ A map is an array of ``rows x cols`` nodes; the outer nodes lie on the borders o
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 
+from infoplan.compiled import kernel
 
-@njit(cache=True)
+
+@kernel()
 def nearest_index(value: float, low: float, high: float, nodes: int) -> int:
     """Return the nearest of the nodes evenly from `low` to `high`.
 
@@ -34,7 +35,7 @@ def nearest_index(value: float, low: float, high: float, nodes: int) -> int:
     return min(max(index, 0), nodes - 1)
 
 
-@njit(cache=True)
+@kernel()
 def _count(
     x: NDArray[np.float64],
     extent: tuple[float, float, float, float],

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from infoplan.compiled import kernel
 from infoplan.plan.pareto import mark_pareto_optimal
 from infoplan.plan.reward_maps import nearest_index
 from infoplan.robot import inside, step
@@ -179,7 +179,7 @@ def most_visited_actions(tree: Tree, rng: np.random.Generator) -> NDArray[np.int
     return np.array(actions, dtype=np.int64)
 
 
-@njit(cache=True)
+@kernel()
 def ucb(mean: float, scale: float, parent_visits: int, visits: int) -> float:
     """Upper confidence bound of a child (paper's UCB equation).
 
@@ -200,7 +200,7 @@ def ucb(mean: float, scale: float, parent_visits: int, visits: int) -> float:
     return mean + scale * math.sqrt(2.0 * math.log(parent_visits) / visits)
 
 
-@njit(cache=True)
+@kernel()
 def pareto_ucb(
     mean: float, scale: float, parent_visits: int, visits: int, objectives: int
 ) -> float:
@@ -227,7 +227,7 @@ def pareto_ucb(
     )
 
 
-@njit(cache=True)
+@kernel()
 def _grow(
     pose: tuple[float, float, float],
     problem: _Problem,
@@ -259,7 +259,7 @@ def _grow(
     return _cut(tree)
 
 
-@njit(cache=True)
+@kernel()
 def select(
     tree: Tree, node: int, problem: _Problem, rng: np.random.Generator, scratch: _Scratch
 ) -> int:
@@ -288,7 +288,7 @@ def select(
         node = scratch.children[_pick(candidates, rng)]
 
 
-@njit(cache=True)
+@kernel()
 def expand(
     tree: Tree, node: int, problem: _Problem, rng: np.random.Generator, scratch: _Scratch
 ) -> int:
@@ -315,7 +315,7 @@ def expand(
         tree.child[node, action] = STRUCK
 
 
-@njit(cache=True)
+@kernel()
 def simulate(tree: Tree, leaf: int, problem: _Problem, scratch: _Scratch) -> None:
     """Drive straight on from a new leaf, at most up to the border (paper's Simulation).
 
@@ -334,7 +334,7 @@ def simulate(tree: Tree, leaf: int, problem: _Problem, scratch: _Scratch) -> Non
         scratch.reward[d] /= driven
 
 
-@njit(cache=True)
+@kernel()
 def back_propagate(tree: Tree, node: int, scratch: _Scratch) -> None:
     """Add a visit and the reward to every node up to the root (paper's Back-propagation)."""
     while node != NO_NODE:
@@ -344,7 +344,7 @@ def back_propagate(tree: Tree, node: int, scratch: _Scratch) -> None:
         node = tree.parent[node]
 
 
-@njit(cache=True)
+@kernel()
 def _bound(tree: Tree, node: int, count: int, problem: _Problem, scratch: _Scratch) -> None:
     """Put the upper confidence bounds of a node's first `count` children in scratch."""
     objectives = problem.reward_maps.shape[0]
@@ -364,7 +364,7 @@ def _bound(tree: Tree, node: int, count: int, problem: _Problem, scratch: _Scrat
             scratch.bounds[i, d] = bound
 
 
-@njit(cache=True)
+@kernel()
 def _drive_action(
     pose: tuple[float, float, float], u: float, problem: _Problem, gain: NDArray[np.float64]
 ) -> tuple[tuple[float, float, float], bool]:
@@ -384,20 +384,20 @@ def _drive_action(
     return (x, y, theta), True
 
 
-@njit(cache=True)
+@kernel()
 def _pick(count: int, rng: np.random.Generator) -> int:
     """Choose one of `count` candidates uniformly, by one draw."""
     return int(rng.random() * count)
 
 
-@njit(cache=True)
+@kernel()
 def _is_dead_end(tree: Tree, node: int) -> bool:
     """Tell whether every action of a node is struck."""
     # Struck is the lowest mark of all.
     return tree.child[node].max() == STRUCK
 
 
-@njit(cache=True)
+@kernel()
 def _plant(pose: tuple[float, float, float], capacity: int, actions: int, objectives: int) -> Tree:
     """Return a tree of the root alone, with room for `capacity` nodes."""
     tree = Tree(
@@ -415,7 +415,7 @@ def _plant(pose: tuple[float, float, float], capacity: int, actions: int, object
     return tree
 
 
-@njit(cache=True)
+@kernel()
 def _add_child(tree: Tree, node: int, action: int, pose: tuple[float, float, float]) -> int:
     """Append a node and return its index."""
     new = tree.size[0]
@@ -427,7 +427,7 @@ def _add_child(tree: Tree, node: int, action: int, pose: tuple[float, float, flo
     return new
 
 
-@njit(cache=True)
+@kernel()
 def _cut(tree: Tree) -> Tree:
     """Return a tree without its unused rows."""
     n = tree.size[0]

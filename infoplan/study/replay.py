@@ -19,6 +19,7 @@ import pandas as pd
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
+from infoplan.caches import kernel_note
 from infoplan.config import MissionConfig, TreeSearchConfig, seed_list, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
@@ -306,6 +307,8 @@ def replay_run(
     if n_jobs == 0:
         raise UsageError("n_jobs=0 runs nothing: give a number of workers, or -1 for all cores")
     prepare(results_dir)
+    if note := kernel_note():
+        tell(f"WARNING: {note}")
     todo = [
         seed
         for seed in wanted

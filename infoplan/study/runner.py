@@ -16,6 +16,7 @@ from typing import Any
 
 from rich.console import Console
 
+from infoplan.caches import kernel_note
 from infoplan.config import Config, TerrainConfig, seed_list, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.study.estimate import Pace, kind_of, learn
@@ -177,6 +178,8 @@ def run_study(configs: list[Config], console: Console) -> Study:
     check_study(configs)
     first = configs[0]
     prepare(Path(first.results_dir).expanduser())
+    if note := kernel_note():
+        console.print(f"WARNING: {note}", style="yellow", soft_wrap=True)
     study = plan_study(configs, console)
     for stored in study.stored.values():
         if stored.state == "broken":

@@ -1,28 +1,36 @@
 """Maps in .zip archives."""
 
+import errno
 import shutil
 import stat
 import tempfile
 import zipfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import PurePosixPath, PureWindowsPath
+from typing import BinaryIO
 
 from infoplan.errors import UsageError
-from infoplan.wording import suggest
+from infoplan.wording import harmless, suggest
 
 MAX_BYTES = 2**30
 """Largest file that is unpacked."""
+IN_MEMORY = 2**28
+"""Largest file that is unpacked into memory, and not to a temporary file, bytes."""
 
 
 @contextmanager
-def unpacked(archive: Path, member: str | None, endings: Collection[str]) -> Iterator[Path]:
-    """Unpack one map into a folder that lives as long as the context.
+def unpacked(
+    archive: BinaryIO, what: str, member: str | None, endings: Collection[str]
+) -> Iterator[tuple[str, BinaryIO]]:
+    """Unpack one map, into memory or a temporary file that lives as long as the context.
 
     Parameters
     ----------
     archive
         A ``.zip`` file.
+    what
+        What it is called in a message.
     member
         The map's name in it; None: the only file with one of the `endings`.
     endings
@@ -30,40 +38,43 @@ def unpacked(archive: Path, member: str | None, endings: Collection[str]) -> Ite
 
     Yields
     ------
-    Path
-        The map, under its own name.
+    name : str
+        The map's own name, without folders.
+    file : binary file
+        The map.
 
     Raises
     ------
     UsageError
         If the archive is damaged, encrypted or booby-trapped, or does not hold the map.
     """
-    with tempfile.TemporaryDirectory(prefix="infoplan-") as folder:
+    with tempfile.SpooledTemporaryFile(IN_MEMORY, prefix="infoplan-") as file:
         try:
             with zipfile.ZipFile(archive) as opened:
-                entry = _entry(opened.infolist(), member, endings, archive)
-                # The name alone, never the path: nothing is written outside the folder.
-                file = Path(folder) / PurePosixPath(entry.filename).name
+                entry = _entry(opened.infolist(), member, endings, what)
                 # A stream ends at the size that was claimed, and checked, whatever follows.
-                with opened.open(entry) as packed, file.open("wb") as out:
-                    shutil.copyfileobj(packed, out, 2**20)
-        except UsageError:
+                with opened.open(entry) as packed:
+                    shutil.copyfileobj(packed, file, 2**20)
+        except (UsageError, MemoryError):
             raise
         except Exception as error:  # a mangled archive fails in many ways
             reason = "it is encrypted" if "encrypted" in str(error) else "it is damaged"
+            if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+                reason = f"the temporary folder is full ({tempfile.gettempdir()})"
             raise UsageError(
-                f"{archive} cannot be unpacked, {reason}: get it again, or unpack it yourself"
+                f"{what} cannot be unpacked, {reason}: get it again, or unpack it yourself"
             ) from error
-        yield file
+        file.seek(0)
+        yield PurePosixPath(entry.filename).name, file  # type: ignore[misc]
 
 
 def _entry(
-    entries: list[zipfile.ZipInfo], member: str | None, endings: Collection[str], archive: Path
+    entries: list[zipfile.ZipInfo], member: str | None, endings: Collection[str], archive: str
 ) -> zipfile.ZipInfo:
     for entry in entries:
         _check_name(entry, archive)
     maps = {entry.filename: entry for entry in entries if _is_map(entry, endings)}
-    listed = ", ".join(list(maps)[:9])
+    listed = harmless(", ".join(list(maps)[:9]))
     if not maps:
         raise UsageError(f"{archive} holds no map: a map's name ends in {', '.join(endings)}")
     if member is None:
@@ -80,13 +91,13 @@ def _entry(
     entry = maps[member]
     if entry.file_size > MAX_BYTES:
         raise UsageError(
-            f"{member} in {archive} unpacks to {entry.file_size} bytes, more than the {MAX_BYTES} "
+            f"{harmless(member)} in {archive} unpacks to {entry.file_size} bytes, more than the {MAX_BYTES} "
             "that are unpacked: unpack it yourself if you trust it"
         )
     return entry
 
 
-def _check_name(entry: zipfile.ZipInfo, archive: Path) -> None:
+def _check_name(entry: zipfile.ZipInfo, archive: str) -> None:
     """Refuse an archive that could write outside the folder it is unpacked to."""
     # Archives made under Windows may have its separators and drives.
     path = PureWindowsPath(entry.filename)

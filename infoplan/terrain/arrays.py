@@ -1,19 +1,16 @@
-"""Elevations from NumPy's files and from grids of numbers in a text."""
+"""Elevations from NumPy's files."""
 
+import io
 import math
-import re
-import warnings
 import zipfile
-from itertools import islice
-from pathlib import Path
 from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.errors import UsageError
-from infoplan.terrain.grids import MAX_NODES, check_shape
-from infoplan.wording import suggest
+from infoplan.terrain.grids import check_shape
+from infoplan.wording import harmless, suggest
 
 Floats = NDArray[np.float64]
 
@@ -24,26 +21,21 @@ HEADER_READERS = {
     (2, 0): np.lib.format.read_array_header_2_0,
     (3, 0): np.lib.format.read_array_header_2_0,
 }
-MAX_TEXT = 2**28
-"""Largest text that is read, bytes."""
-
-DELIMITERS = ("\t", ";", ",")
 
 
-def read_npy(file: Path, what: str) -> Floats:
-    """Read the array of a ``.npy`` file; a message calls it `what`.
+def read_npy(content: bytes, what: str) -> Floats:
+    """Read the array of a ``.npy`` file from its bytes; a message calls it `what`.
 
     Raises
     ------
     UsageError
         If it is not a two-dimensional array of real numbers.
     """
-    with file.open("rb") as stream:
-        return _read_array(stream, file.stat().st_size, what)
+    return _read_array(io.BytesIO(content), len(content), what)
 
 
-def read_npz(file: Path, what: str, name: str | None) -> Floats:
-    """Read an array of a ``.npz`` file: the named one, or the only one.
+def read_npz(content: bytes, what: str, name: str | None) -> Floats:
+    """Read an array of a ``.npz`` file from its bytes: the named one, or the only one.
 
     Raises
     ------
@@ -51,16 +43,17 @@ def read_npz(file: Path, what: str, name: str | None) -> Floats:
         If there is no such file or array, several for None, or the array is no map.
     """
     try:
-        with zipfile.ZipFile(file) as archive:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
             arrays = {
                 entry.filename.removesuffix(".npy"): entry
                 for entry in archive.infolist()
                 if entry.filename.endswith(".npy")
             }
             chosen = _chosen(name, list(arrays), what)
+            shown = f"{what}, array {harmless(chosen)}"
             with archive.open(arrays[chosen]) as stream:
-                return _read_array(stream, arrays[chosen].file_size, f"{what}, array {chosen}")
-    except UsageError:
+                return _read_array(stream, arrays[chosen].file_size, shown)
+    except (UsageError, MemoryError):
         raise
     except Exception as error:  # a mangled archive fails in many ways
         raise UsageError(
@@ -68,65 +61,8 @@ def read_npz(file: Path, what: str, name: str | None) -> Floats:
         ) from error
 
 
-def read_text(file: Path, what: str) -> Floats:
-    """Read a grid of numbers, a row a line; tab, semicolon, comma or blanks stand between them.
-
-    Raises
-    ------
-    UsageError
-        If it is too long, or holds anything but lines with the same number of numbers.
-    """
-    if file.stat().st_size > MAX_TEXT:
-        raise UsageError(
-            f"{what} is a text of more than {MAX_TEXT} bytes: save the map as .npy, which is "
-            "shorter"
-        )
-    help_text = "give a line a row, all with the same number of numbers (a missing one is nan)"
-    try:
-        with file.open(encoding="utf-8-sig") as stream:
-            first = next((line for line in stream if not line.isspace()), None)
-            if first is None:
-                raise UsageError(f"{what} is empty: {help_text}")
-            delimiter = next((mark for mark in DELIMITERS if mark in first), None)
-            columns = _columns(first, delimiter, what)
-            stream.seek(0)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of blank lines, which are passed over
-                elevation = np.loadtxt(
-                    stream,
-                    delimiter=delimiter,
-                    comments=None,
-                    ndmin=2,
-                    max_rows=MAX_NODES // columns + 1,
-                )
-    except UnicodeDecodeError as error:
-        raise UsageError(f"{what} is no text: {help_text}") from error
-    except UsageError:
-        raise
-    except (ValueError, OverflowError) as error:
-        reason = str(error).splitlines()[0].rstrip(".").partition(";")[0]
-        raise UsageError(f"{what} is not a grid of numbers, {reason}: {help_text}") from error
-    check_shape(elevation.shape, what)
-    return elevation
-
-
-def _columns(line: str, delimiter: str | None, what: str) -> int:
-    """Count the fields of a line, by no list of them: it may be as long as the whole file."""
-    most = MAX_NODES // 2
-    if delimiter is None:
-        columns = sum(1 for _ in islice(re.finditer(r"\S+", line), most + 1))
-    else:
-        columns = line.count(delimiter) + 1
-    if columns > most:
-        raise UsageError(
-            f"the map in {what} has more than {most} columns, so that two rows are more than the "
-            f"{MAX_NODES} nodes that are read: cut or coarsen it first"
-        )
-    return columns
-
-
 def _chosen(name: str | None, arrays: list[str], what: str) -> str:
-    listed = ", ".join(arrays[:9])
+    listed = harmless(", ".join(arrays[:9]))
     if not arrays:
         raise UsageError(f"{what} holds no array: save the map with numpy.savez")
     if name is None:

@@ -6,6 +6,7 @@ of the workspace: on a map with y upwards the crater opens downwards.
 """
 
 import hashlib
+import io
 import os
 import tempfile
 import threading
@@ -14,7 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.caches import kept_file
 from infoplan.errors import RunError, UsageError
+from infoplan.files import read_regular, user_path
+from infoplan.wording import harmless
 
 FILE = "helens.npy"
 URL = (
@@ -23,6 +27,8 @@ URL = (
 )
 SHA256 = "d252e96a57705fa1f7217047f777950cafafff4272356210ad6771423198cd26"
 UNIT = "ft"
+MAX_BYTES = 2**24
+"""Largest file that is looked at, far more than the grid has."""
 PATIENCE = 8.0
 """Seconds a download may take in all."""
 
@@ -47,17 +53,17 @@ def find_helens(path: Path | None = None) -> Path | None:
     """
     if path is not None:
         file = _in_folder(path)
-        if not file.is_file():
+        if not _is_file(file):
             raise UsageError(
-                f"terrain.path={path} leads to no {FILE}: give the file or a folder that holds "
+                f"terrain.path={harmless(path)} leads to no {FILE}: give the file or a folder that holds "
                 "it, or leave terrain.path out to have it downloaded"
             )
         return _checked(file, "terrain.path")
     data = os.environ.get("INFOPLAN_DATA")
-    if data and (file := _in_folder(Path(data).expanduser())).is_file():
+    if data and (file := _in_folder(user_path(data))).is_file():
         return _checked(file, "INFOPLAN_DATA")
-    cached = _cached_file()
-    return cached if _is_whole(cached) else None
+    cached = kept_file(FILE)
+    return cached if cached and _is_whole(cached) else None
 
 
 def fetch_helens(patience: float = PATIENCE) -> Path:
@@ -78,7 +84,12 @@ def fetch_helens(patience: float = PATIENCE) -> Path:
     RunError
         If it can be neither downloaded nor kept.
     """
-    cached = _cached_file()
+    cached = kept_file(FILE)
+    if cached is None:
+        raise RunError(
+            f"{FILE} can be kept nowhere: neither the user's cache nor a temporary folder can be "
+            "written; set XDG_CACHE_HOME to a folder that can"
+        )
     if _is_whole(cached):
         return cached
     content = _download(patience)
@@ -94,27 +105,30 @@ def fetch_helens(patience: float = PATIENCE) -> Path:
 
 
 def read_helens(file: Path) -> NDArray[np.float64]:
-    """Elevations of a file that `find_helens` or `fetch_helens` gave, feet, shape (100, 100)."""
-    return np.load(file, allow_pickle=False)
+    """Elevations of a file that `find_helens` or `fetch_helens` gave, feet, shape (100, 100).
+
+    Raises
+    ------
+    UsageError
+        If it has other bytes by now, or cannot be read.
+    """
+    content = _content(file)
+    if hashlib.sha256(content).hexdigest() != SHA256:
+        raise UsageError(f"{harmless(file)} changed while it was read: try again")
+    return np.load(io.BytesIO(content), allow_pickle=False)
 
 
 def _in_folder(path: Path) -> Path:
     return path / FILE if path.is_dir() else path
 
 
-def _cached_file() -> Path:
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("infoplan")) / FILE
-
-
 def _checked(file: Path, source: str) -> Path:
     digest = _digest(file)
     if digest != SHA256:
         raise UsageError(
-            f"{file} (from {source}) is not the paper's grid: its SHA-256 is {digest}, not "
+            f"{harmless(file)} (from {source}) is not the paper's grid: its SHA-256 is {digest}, not "
             f"{SHA256}; replace it, or use it as a map of your own with terrain=file "
-            f"terrain.path={file}"
+            f"terrain.path={harmless(file)}"
         )
     return file
 
@@ -124,11 +138,23 @@ def _is_whole(cached: Path) -> bool:
 
 
 def _digest(file: Path) -> str:
+    return hashlib.sha256(_content(file)).hexdigest()
+
+
+def _content(file: Path) -> bytes:
     try:
-        with file.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return read_regular(file, MAX_BYTES)
     except OSError as error:
-        raise UsageError(f"{file} cannot be read: {error.strerror}; make it readable") from error
+        raise UsageError(
+            f"{harmless(file)} cannot be read: {error.strerror}; make it readable"
+        ) from error
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a folder on the way may not be looked into, or the name is too long
+        return False
 
 
 def _download(patience: float) -> bytes:

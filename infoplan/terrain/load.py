@@ -7,7 +7,7 @@ import os
 import re
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +22,13 @@ from infoplan.config import (
     terrain_kind,
 )
 from infoplan.errors import RunError, UsageError
+from infoplan.files import user_path
 from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volcano
-from infoplan.terrain.grids import Floats, Grid
+from infoplan.terrain.grids import Ends, Floats, Grid
 from infoplan.terrain.random_field import random_field
 from infoplan.terrain.surface import Terrain, array_digest, checked_extent
 from infoplan.terrain.units import in_unit
-from infoplan.wording import suggest
+from infoplan.wording import harmless, suggest
 
 TERRAINS = {
     "helens": "Mount St. Helens after 1980, the paper's 100 x 100 grid, feet",
@@ -47,6 +48,10 @@ BUILT_IN: dict[str, tuple[Callable[[], Floats], str]] = {
 
 class TerrainFallbackWarning(UserWarning):
     """The paper's grid can be had nowhere, so the built-in volcano takes its place."""
+
+
+class TerrainValueWarning(UserWarning):
+    """A map's elevations look as if some were none, or as if none was marked as missing."""
 
 
 @dataclass
@@ -70,7 +75,8 @@ def load_terrain(name: str, **options: Any) -> Terrain:
         Those of the map's schema in `infoplan.config`: ``extent``, ``unit`` and ``orientation`` for
         all; for ``helens``, ``path`` and ``on_missing``; and so on. Where ``helens`` can be had
         nowhere, ``on_missing="fallback"`` gives ``volcano`` and warns with
-        `TerrainFallbackWarning`.
+        `TerrainFallbackWarning`. A lone elevation far from all others in a file warns with
+        `TerrainValueWarning`.
 
     Returns
     -------
@@ -148,7 +154,7 @@ def _built_in(config: TerrainConfig) -> Source:
 
 
 def _helens(config: HelensConfig) -> Source:
-    location = None if config.path is None else Path(config.path).expanduser()
+    location = None if config.path is None else user_path(config.path)
     try:
         file = helens.find_helens(location) or helens.fetch_helens()
     except RunError as error:
@@ -160,19 +166,56 @@ def _helens(config: HelensConfig) -> Source:
 def _file(config: FileConfig) -> Source:
     if config.path is None:
         raise UsageError("terrain=file needs terrain.path: give the file with the map")
-    path = Path(config.path).expanduser()
-    grid, digest = files.read_map(path, config.member, config.array, config.shape is not None)
-    changes: dict[str, Any] = {} if config.array is None else {"array": config.array}
-    if config.nodata == "fill" and (full := grids.filled(grid)) is not grid:
-        changes["nodata"], grid = "fill", full
+    path, what = user_path(config.path), harmless(config.path)
+    mark = _mark(config.nodata)
+    wanted = files.Wanted(config.member, config.array, config.shape, mark)
+    found = files.read_map(path, wanted)
+    grid, ends = found.grid, Ends()
+    changes = found.changes | ({} if config.array is None else {"array": config.array})
+    concerns = []
+    if found.resampled is not None:
+        ends = found.resampled.ends
+        if config.nodata == "refuse":
+            grids.check_missing(found.resampled.missing, found.resampled.nodes, what)
+    else:
+        if mark is not None:
+            marked = grids.marked(grid.elevation, mark)
+            if marked is grid.elevation:
+                concerns.append(f"terrain.nodata={grids.plain(mark)} marks no node of {what}")
+            grid = replace(grid, elevation=marked)
+        ends.see(grid.elevation)
+    if lone := ends.lone():
+        value, low, high = map(grids.plain, lone)
+        concerns.append(
+            f"an elevation of {what}, {value}, is far from all others, {low} to {high}: if it "
+            f"marks missing ones, terrain.nodata={value} fills them; if it is right, go on"
+        )
+    if config.nodata != "refuse":
+        full = grids.filled(grid)
+        if full is not grid or mark is not None or found.resampled is not None:
+            changes["nodata"], grid = config.nodata, full
     if config.shape is not None:
         # A missing elevation would spread, so none may be left.
-        grids.check_elevations(grid.elevation, str(path))
+        grids.check_elevations(grid.elevation, what)
         changes["shape"], grid = config.shape, grids.resampled(grid, config.shape)
     if config.crop is not None:
         changes["crop"], grid = config.crop, grids.cropped(grid, config.crop)
-    grids.check_elevations(grid.elevation, str(path))
-    return Source(files.terrain_name(path), grid, digest, changes)
+    grids.check_elevations(grid.elevation, what)
+    for concern in concerns:
+        warnings.warn(concern, TerrainValueWarning, stacklevel=4)
+    return Source(files.terrain_name(path), grid, found.sha256, changes)
+
+
+def _mark(nodata: Any) -> float | None:
+    """Return the number that stands for missing elevations, None for a word."""
+    if isinstance(nodata, str):
+        return None
+    if isinstance(nodata, bool) or not isinstance(nodata, int | float):
+        raise UsageError(
+            f"terrain.nodata={nodata} is not possible: use refuse, fill or the number that marks "
+            "missing elevations"
+        )
+    return float(nodata)
 
 
 def _random_field(config: RandomFieldConfig) -> Source:

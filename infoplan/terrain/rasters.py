@@ -3,35 +3,39 @@
 import importlib.util
 import logging
 import math
+import re
 import warnings
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import PurePath
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from infoplan.errors import UsageError
-from infoplan.terrain.grids import MAX_NODES, Edges, Floats, Grid, check_shape
+from infoplan.terrain import grids
+from infoplan.terrain.grids import Block, Edges, Floats, Grid, Resampled
 
-DRIVERS = {
-    ".tif": "GTiff",
-    ".tiff": "GTiff",
-    ".dem": "USGSDEM",
-    ".hgt": "SRTMHGT",
-    ".asc": "AAIGrid",
-}
+DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".dem": "USGSDEM", ".hgt": "SRTMHGT"}
 """What reads which file: no other driver is tried, whatever the file claims to be."""
 
 FORMATS = {
     "GTiff": "GeoTIFF",
     "USGSDEM": "USGS ASCII DEM",
     "SRTMHGT": "SRTM height file with a name like N46W123.hgt",
-    "AAIGrid": "ESRI ASCII grid",
 }
-BYTES_A_NODE = {"USGSDEM": 1, "SRTMHGT": 2, "AAIGrid": 2}
+BYTES_A_NODE = {"USGSDEM": 1, "SRTMHGT": 2}
 """Least bytes that a node takes in a format that does not compress."""
 
-MAX_STORED_NODES = 2**30
-"""Most nodes of a file that is coarsened while it is read."""
+MAX_BLOCK = 2**25
+"""Most nodes of a block of a file, which is unpacked as a whole."""
+
+WINDOW = 2**22
+"""About as many nodes of a large file are read at once."""
+
+SRTM_NAME = re.compile(r"[NS]\d\d[EW]\d\d\d\.hgt", re.IGNORECASE)
+SIGN = re.compile(rb"[+-](?![0-9.])")
+"""A sign without a number, which GDAL takes for 0."""
 
 
 def have_rasterio() -> bool:
@@ -42,37 +46,45 @@ def have_rasterio() -> bool:
         return False
 
 
-def read_raster(file: Path, what: str, coarsen: bool) -> Grid:
-    """Read the elevations of a GeoTIFF, USGS DEM, SRTM or ESRI ASCII file.
+def read_raster(
+    source: bytes | BinaryIO, name: str, what: str, shape: list[int] | None, mark: float | None
+) -> tuple[Grid, Resampled | None]:
+    """Read the elevations of a GeoTIFF, USGS DEM or SRTM file, from all its nodes.
 
     Parameters
     ----------
-    file
-        Its ending names its format; files beside it are not looked at.
+    source
+        The file's bytes, or, of a large one, the open file.
+    name
+        Its name; the ending names its format. Files beside it are not looked at.
     what
         What it is called in a message.
-    coarsen
-        Whether a file of more than `MAX_NODES` nodes is read as means over square blocks of them.
+    shape
+        Rows and columns that a grid of more than `MAX_NODES` nodes is resampled to while it is
+        read; None: it is refused.
+    mark
+        A number that stands for a missing elevation besides the file's, in such a grid.
 
     Returns
     -------
-    Grid
+    grid : Grid
         North up; NaN where the file has no data; scale and offset applied.
+    resampled : Resampled or None
+        What was seen of a grid that was resampled while it was read.
 
     Raises
     ------
     UsageError
-        If rasterio is not installed or cannot read the file, or it is not a map, or too large.
+        If rasterio is not installed, the file is damaged, or it holds no map.
     """
+    driver = DRIVERS[PurePath(name).suffix.lower()]
     if not have_rasterio():
         raise UsageError(
-            f"{what} is read by rasterio, which is not installed: "
-            "pip install 'infoplan[geo]', or save the map as .npy"
+            f"{what} needs rasterio, which is not installed: pip install 'infoplan[geo]', "
+            "or save the map as .npy"
         )
     import rasterio
-    import rasterio.errors
 
-    driver = DRIVERS[file.suffix.lower()]
     # GDAL's own words about a broken file would come besides the one sentence.
     logging.getLogger("rasterio").setLevel(logging.CRITICAL + 1)
     settings = {
@@ -83,10 +95,19 @@ def read_raster(file: Path, what: str, coarsen: bool) -> Grid:
     try:
         with warnings.catch_warnings(), rasterio.Env(**settings):
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(file, driver=driver) as dataset:
-                _check_dataset(dataset, file, what, coarsen)
-                return _north_up(dataset, _read(dataset), what)
-    except UsageError:
+            with _opened(source, driver, name) as dataset:
+                size = len(source) if isinstance(source, bytes) else source.seek(0, 2)
+                _check_dataset(dataset, size, what)
+                if driver == "USGSDEM" and isinstance(source, bytes):
+                    _check_signs(source, what)
+                if not grids.must_coarsen(dataset.shape, shape, what):
+                    return _north_up(dataset, _values(dataset), what), None
+                assert shape is not None
+                resampled = Resampled(dataset.shape, shape, mark)
+                for block in _blocks(dataset):
+                    resampled.add(*block)
+                return _north_up(dataset, resampled.elevation(), what), resampled
+    except (UsageError, MemoryError):
         raise
     except Exception as error:  # a mangled file fails in many ways
         raise UsageError(
@@ -95,50 +116,68 @@ def read_raster(file: Path, what: str, coarsen: bool) -> Grid:
         ) from error
 
 
-def _check_dataset(dataset: Any, file: Path, what: str, coarsen: bool) -> None:
+@contextmanager
+def _opened(source: bytes | BinaryIO, driver: str, name: str) -> Iterator[Any]:
+    import rasterio
+
+    if not isinstance(source, bytes):
+        # The very file that is open, whatever its name leads to by now.
+        with rasterio.open(f"/dev/fd/{source.fileno()}", driver=driver) as dataset:
+            yield dataset
+        return
+    # The name matters to one format alone, which has the place from it.
+    own = name if driver == "SRTMHGT" and SRTM_NAME.fullmatch(name) else "map"
+    with rasterio.MemoryFile(source, filename=own) as file, file.open(driver=driver) as dataset:
+        yield dataset
+
+
+def _check_dataset(dataset: Any, size: int, what: str) -> None:
     """Refuse a file by its header alone, before any memory is taken for what it claims to hold."""
     if dataset.count != 1:
         raise UsageError(f"{what} has {dataset.count} bands: a map has one, so extract it first")
     if np.dtype(dataset.dtypes[0]).kind not in "iuf":
         raise UsageError(f"{what} is of type {dataset.dtypes[0]}: elevations must be real numbers")
-    nodes = dataset.height * dataset.width
-    size = file.stat().st_size
-    if nodes * BYTES_A_NODE.get(dataset.driver, 0) > size:
+    if dataset.height * dataset.width * BYTES_A_NODE.get(dataset.driver, 0) > size:
         raise UsageError(
             f"{what} is cut short: it announces {dataset.height} x {dataset.width} nodes and has "
             f"{size} bytes, so copy or download it again"
         )
-    if math.prod(dataset.block_shapes[0]) > MAX_NODES or nodes > MAX_STORED_NODES:
+    if math.prod(dataset.block_shapes[0]) > MAX_BLOCK:
         raise UsageError(
-            f"the map in {what} has {dataset.height} x {dataset.width} nodes, too many to be read: "
-            "cut or coarsen it first"
+            f"the map in {what} has {dataset.height} x {dataset.width} nodes, too many to be read "
+            "in blocks as large as its own: cut, coarsen or tile it first"
         )
-    if nodes > MAX_NODES and not coarsen:
+
+
+def _check_signs(content: bytes, what: str) -> None:
+    """Refuse a sign where an elevation should be, by its place after the first record."""
+    if found := SIGN.search(content, 1024):
         raise UsageError(
-            f"the map in {what} has {dataset.height} x {dataset.width} nodes, more than the "
-            f"{MAX_NODES} that are read as they are: give terrain.shape=[rows,columns] to have it "
-            "coarsened"
+            f"{what} has a sign without a number, byte {found.start() + 1}: correct it, or get "
+            "the file again"
         )
-    check_shape(_shape_read(dataset), what)
 
 
-def _shape_read(dataset: Any) -> tuple[int, int]:
-    """Rows and columns after coarsening: few enough, by square blocks as small as possible."""
-    block = math.isqrt(math.ceil(dataset.height * dataset.width / MAX_NODES) - 1) + 1
-    # The blocks at the borders, cut off, count as whole ones.
-    while math.ceil(dataset.height / block) * math.ceil(dataset.width / block) > MAX_NODES:
-        block += 1
-    return math.ceil(dataset.height / block), math.ceil(dataset.width / block)
+def _blocks(dataset: Any) -> Iterator[Block]:
+    """Read a grid part by part, each of whole blocks of the file; its overviews are not looked at."""
+    from rasterio.windows import Window
+
+    high, wide = dataset.block_shapes[0]
+    columns = min(dataset.width, max(wide, WINDOW // high // wide * wide))
+    rows = min(dataset.height, max(high, WINDOW // columns // high * high))
+    for row in range(0, dataset.height, rows):
+        for column in range(0, dataset.width, columns):
+            window = Window(
+                column, row, min(columns, dataset.width - column), min(rows, dataset.height - row)
+            )
+            yield row, column, _values(dataset, window)
 
 
-def _read(dataset: Any) -> Floats:
-    from rasterio.enums import Resampling
-
-    stored = dataset.read(
-        1, masked=True, out_shape=_shape_read(dataset), resampling=Resampling.average
-    )
-    elevation = stored.astype(np.float64).filled(np.nan)
-    return elevation * dataset.scales[0] + dataset.offsets[0]
+def _values(dataset: Any, window: Any = None) -> Floats:
+    stored = dataset.read(1, masked=True, window=window)
+    with np.errstate(over="ignore", invalid="ignore"):  # what a double cannot hold is infinite
+        elevation: Floats = stored.astype(np.float64).filled(np.nan)
+        return elevation * dataset.scales[0] + dataset.offsets[0]
 
 
 def _north_up(dataset: Any, elevation: Floats, what: str) -> Grid:

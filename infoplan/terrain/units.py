@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.errors import UsageError
+from infoplan.wording import harmless
 
 METRES = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}
 """Units that are converted into each other, and their lengths in metres."""
@@ -54,7 +55,8 @@ def in_unit(
         return elevation, unit
     if stated not in METRES or unit not in METRES:
         raise UsageError(
-            f"terrain.unit={wanted} does not fit {what}, which is in {stated}: leave it out, only "
+            f"terrain.unit={harmless(wanted)} does not fit {what}, which is in "
+            f"{harmless(stated)}: leave it out, only "
             f"{', '.join(METRES)} are converted into each other"
         )
     return elevation * (METRES[stated] / METRES[unit]), unit

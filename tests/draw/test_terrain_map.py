@@ -25,7 +25,7 @@ def test_description_of_a_terrain_with_known_numbers():
     assert facts["nodes"] == "11 x 21, rows along y"
     assert facts["workspace"] == "x 0 to 20, y 0 to 10"
     assert facts["elevation"] == "0 to 100 m"
-    assert facts["mean, std"] == f"{600 / 21:.0f}, {elevation.std():.0f} m"
+    assert facts["mean, std"] == f"{600 / 21:.1f}, {elevation.std():.1f} m"
     assert facts["relief"].startswith("100 m; within 2 units 0 m")
     # The step is felt by the two nodes on either side of it: 4 of 21 columns.
     assert facts["flat land"].startswith(f"{100 * 17 / 21:.0f} %")
@@ -60,7 +60,7 @@ def test_a_large_map_is_described_by_all_nodes_and_relief_by_some(no_large_relie
     facts = described(large)
     assert facts["nodes"].startswith("3601 x 3601,")
     assert facts["elevation"] == "-300 to 100 m"
-    assert facts["mean, std"] == f"{elevation.mean():.0f}, {elevation.std():.0f} m"
+    assert facts["mean, std"] == f"{elevation.mean():.1f}, {elevation.std():.1f} m"
     assert facts["relief"].startswith("400 m; within 2 units 0 m")
     # The step is felt by the land within 2 of 50 units on either side.
     assert facts["flat land"].startswith("92 %")

@@ -2,8 +2,8 @@
 
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +12,11 @@ import rasterio.shutil
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rasterio.transform import Affine
+from scipy.ndimage import gaussian_filter, map_coordinates
 from usgs_dem import write_dem
 
 from infoplan.errors import UsageError
-from infoplan.terrain import grids, load_terrain, rasters
+from infoplan.terrain import esri, files, grids, load_terrain, rasters
 
 MAP = np.random.default_rng(1).integers(500, 2500, (13, 17)).astype(np.int16)
 """As in a file: the first row is the north."""
@@ -221,48 +222,138 @@ class TestMissing:
         assert "has 1 nodes that are missing" in refusal(write(tmp_path / "map.tif", broken))
 
 
+def gaussian(elevation: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Resample by SciPy's filter and interpolation: what the README says, computed by others."""
+    factors = [max(old / new, 1.0) for old, new in zip(elevation.shape, shape, strict=True)]
+    smooth = gaussian_filter(
+        elevation, [(factor - 1) / 2 for factor in factors], mode="mirror", truncate=4
+    )
+    places = [
+        (np.arange(new) + 0.5) * old / new - 0.5
+        for old, new in zip(elevation.shape, shape, strict=True)
+    ]
+    return map_coordinates(smooth, np.meshgrid(*places, indexing="ij"), order=1, mode="mirror")
+
+
+def add_overviews(path: Path, *, outside: bool = False) -> Path:
+    """Add overviews made of single nodes, in the file or beside it."""
+    with rasterio.Env(TIFF_USE_OVR="YES" if outside else "NO"):
+        with rasterio.open(path, "r" if outside else "r+") as out:
+            if not outside:
+                out.build_overviews([2, 4, 8], rasterio.enums.Resampling.nearest)
+        if outside:
+            whole = path.read_bytes()
+            with rasterio.open(path, "r+") as out:
+                out.build_overviews([2, 4, 8], rasterio.enums.Resampling.nearest)
+            path.write_bytes(whole)
+    return path
+
+
+def checkerboard(rows: int, columns: int) -> np.ndarray:
+    """Squares of one node, 0, 200, 100, 0: the mean of every four is 75."""
+    return np.tile(
+        np.array([[0, 200], [100, 0]], np.uint8), (rows // 2 + 1, columns // 2 + 1)
+    )[:rows, :columns]
+
+
 class TestLarge:
-    def test_more_nodes_than_are_read_are_coarsened_if_a_shape_is_given(
+    @pytest.fixture(params=[True, False], ids=["resampled while read", "read whole"])
+    def limit(self, request, monkeypatch):
+        """Both ways to the same numbers: as a map above the limit, and below it."""
+        if request.param:
+            monkeypatch.setattr(grids, "MAX_NODES", 2000)
+            monkeypatch.setattr(rasters, "WINDOW", 500)
+
+    @pytest.mark.parametrize(("name", "driver"), [("map.tif", "GTiff"), ("map.asc", "AAIGrid")])
+    @pytest.mark.parametrize("tiled", [True, False])
+    def test_resampling_is_the_documented_filter_of_all_nodes(
+        self, name, driver, tiled, limit, tmp_path, monkeypatch
+    ):
+        monkeypatch.setattr(esri, "CHUNK", 1000)
+        fine = np.random.default_rng(0).normal(1000, 200, (83, 131)).astype(np.float32)
+        profile = {"tiled": True, "blockxsize": 16, "blockysize": 16} if tiled else {}
+        path = write(tmp_path / name, fine, driver, **profile)
+        for shape in ([20, 30], [7, 90], [41, 2]):
+            terrain = load_terrain("file", path=path, shape=shape)
+            np.testing.assert_allclose(terrain.elevation, gaussian(fine[::-1], shape), rtol=1e-6)
+
+    @pytest.mark.parametrize("outside", [True, False])
+    def test_overviews_are_not_looked_at(self, outside, limit, tmp_path):
+        fine = checkerboard(96, 128)
+        path = write(tmp_path / "map.tif", fine, tiled=True, blockxsize=16, blockysize=16)
+        before = load_terrain("file", path=path, shape=[12, 16])
+        np.testing.assert_allclose(before.elevation, 75.0, atol=0.05)
+        after = load_terrain("file", path=add_overviews(path, outside=outside), shape=[12, 16])
+        np.testing.assert_array_equal(after.elevation, before.elevation)
+
+    @pytest.mark.long
+    def test_a_map_above_the_true_limit_is_the_mean_of_its_nodes(self, tmp_path):
+        fine = checkerboard(5800, 5800)
+        profile = {"tiled": True, "blockxsize": 256, "blockysize": 256, "compress": "deflate"}
+        path = write(tmp_path / "map.tif", fine, **profile)
+        blocks = fine[::-1].reshape(580, 10, 580, 10).mean(axis=(1, 3))
+        before = load_terrain("file", path=path, shape=[580, 580])
+        np.testing.assert_allclose(before.elevation, blocks, atol=0.05)
+        after = load_terrain("file", path=add_overviews(path), shape=[580, 580])
+        np.testing.assert_array_equal(after.elevation, before.elevation)
+
+    def test_a_shape_is_needed_above_the_limit(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(grids, "MAX_NODES", 200)
+        for name, driver in FORMATS[:3]:
+            message = refusal(write(tmp_path / name, MAP, driver))
+            assert "give terrain.shape=[rows,columns]" in message
+
+    def test_digest_above_the_limit_is_not_that_of_versions_that_took_means_first(
         self, tmp_path, monkeypatch
     ):
-        blocks = np.random.default_rng(0).normal(1000, 200, (32, 40)).astype(np.float32)
-        path = write(tmp_path / "map.tif", np.kron(blocks, np.ones((2, 2), np.float32)),
-                     tiled=True, blockxsize=16, blockysize=16)  # fmt: skip
-        monkeypatch.setattr(rasters, "MAX_NODES", 32 * 40)
-        assert "give terrain.shape=[rows,columns]" in refusal(path)
-        terrain = load_terrain("file", path=path, shape=[32, 40])
-        np.testing.assert_allclose(terrain.elevation, blocks[::-1], rtol=1e-6)
-
-    def test_sizes_that_are_no_multiples_of_the_block(self, tmp_path, monkeypatch):
-        rows, columns = np.mgrid[0:71, 0:71].astype(np.float32)
-        path = write(tmp_path / "map.tif", 1000 + rows - 2 * columns,
-                     tiled=True, blockxsize=16, blockysize=16)  # fmt: skip
-        for module in (rasters, grids):
-            monkeypatch.setattr(module, "MAX_NODES", 1280)
-        # Blocks of 2 x 2 would be 36 x 36.
-        terrain = load_terrain("file", path=path, shape=[24, 24])
-        middle = 71 / 24 * (np.arange(24) + 0.5) - 0.5
-        expected = 1000 + middle[::-1, None] - 2 * middle
-        np.testing.assert_allclose(terrain.elevation, expected, atol=1.0)
-
-    @settings(max_examples=300, deadline=None)
-    @given(rows=st.integers(2, 30_000), columns=st.integers(2, 30_000), most=st.integers(4, 40_000))
-    def test_the_block_is_the_smallest_that_leaves_few_enough_nodes(self, rows, columns, most):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(rasters, "MAX_NODES", most)
-            shape = rasters._shape_read(SimpleNamespace(height=rows, width=columns))
-        blocks = np.arange(1, 30_001)
-        shapes = np.stack([-(-rows // blocks), -(-columns // blocks)], axis=1)
-        assert shape == tuple(shapes[np.argmax(shapes.prod(axis=1) <= most)])
+        path = write(tmp_path / "map.tif", MAP)
+        below = load_terrain("file", path=path, shape=[5, 5])
+        monkeypatch.setattr(grids, "MAX_NODES", 200)
+        above = load_terrain("file", path=path, shape=[5, 5])
+        np.testing.assert_allclose(above.elevation, below.elevation)
+        assert above.sha256 != below.sha256
 
     def test_missing_elevations_are_left_out_of_the_means(self, tmp_path, monkeypatch):
-        fine = np.kron(MAP[:12, :16], np.ones((2, 2), np.int16))
-        fine[0, 0] = -9999
+        fine = np.full((40, 60), 500, np.int16)
+        fine[:, 30:] = 800
+        fine[3:30, 3:12] = -9999
+        fine[8, 40] = -1
         path = write(tmp_path / "map.tif", fine, nodata=-9999)
-        monkeypatch.setattr(rasters, "MAX_NODES", 12 * 16)
-        monkeypatch.setattr(rasters.math, "prod", lambda _: 0)
-        terrain = load_terrain("file", path=path, shape=[12, 16])
-        np.testing.assert_allclose(terrain.elevation, MAP[:12, :16][::-1], rtol=1e-6)
+        monkeypatch.setattr(grids, "MAX_NODES", 1000)
+        assert f"has {27 * 9} nodes that are missing" in refusal(path, shape=[20, 30])
+        terrain = load_terrain("file", path=path, shape=[20, 30], nodata=-1)
+        np.testing.assert_allclose(terrain.elevation[:, :13], 500.0)
+        np.testing.assert_allclose(terrain.elevation[:, 17:], 800.0)
+
+    def test_files_too_large_for_memory_are_read_where_they_are(self, tmp_path, monkeypatch):
+        for name, driver in FORMATS[:3]:
+            path = write(tmp_path / name, MAP, driver)
+            before = load_terrain("file", path=path)
+            with monkeypatch.context() as patch:
+                patch.setattr(files, "IN_MEMORY", 10)
+                patch.setattr(files.archives, "IN_MEMORY", 10)
+                after = load_terrain("file", path=path)
+                with zipfile.ZipFile(tmp_path / "map.zip", "w") as out:
+                    out.write(path, name)
+                packed = load_terrain("file", path=tmp_path / "map.zip")
+            for other in (after, packed):
+                assert (other.sha256, other.world) == (before.sha256, before.world)
+                np.testing.assert_array_equal(other.elevation, before.elevation)
+
+    def test_one_that_changes_meanwhile_is_refused(self, tmp_path, monkeypatch):
+        path = write(tmp_path / "map.tif", MAP)
+        monkeypatch.setattr(files, "IN_MEMORY", 10)
+        read = rasters.read_raster
+
+        def changing(*arguments):
+            grid = read(*arguments)
+            with path.open("r+b") as stream:
+                stream.seek(-1, 2)
+                stream.write(b"\x07")
+            return grid
+
+        monkeypatch.setattr(rasters, "read_raster", changing)
+        assert "changed while it was read" in refusal(path)
 
     def test_sparse_files_that_announce_too_much(self, tmp_path):
         path = tmp_path / "map.tif"

@@ -1,0 +1,146 @@
+"""Compiled functions, kept between processes for as long as the sources of all of them stay."""
+
+import hashlib
+import multiprocessing
+import os
+import pickle
+import shutil
+import sys
+import uuid
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import llvmlite
+import numba
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from infoplan.caches import kernel_note, kernel_places
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+SOURCES = (
+    "compiled.py",
+    "model/kernel.py",
+    "plan/pareto.py",
+    "plan/reward_maps.py",
+    "plan/tree_search.py",
+    "robot.py",
+)
+"""All modules with kernels: a kernel holds the machine code of those that it calls."""
+
+OLD_VERSIONS = 3
+"""So many other states of the sources keep their kernels."""
+
+
+def kernel(**options: Any) -> Callable[[Function], Function]:
+    """Compile a function in Numba's nopython mode, once for all processes.
+
+    Parameters
+    ----------
+    **options
+        Of ``numba.njit``, but ``cache``: Numba's own cache looks at the file of the function
+        alone, and would go on with old code of the functions that it calls.
+
+    Returns
+    -------
+    callable
+        Decorator.
+    """
+
+    def decorate(function: Function) -> Function:
+        compiled = numba.njit(**options)(function)
+        if hasattr(compiled, "py_func") and (digest := _digest()):  # else not to be compiled
+            compiled._cache = _Kept(function, digest)
+        return compiled
+
+    return decorate
+
+
+class _Kept(NullCache):
+    """Machine code of a function in files, one for each signature and processor.
+
+    A file that is damaged or cannot be read counts as missing, and one that cannot be written is
+    not: the function is compiled then.
+    """
+
+    def __init__(self, function: Callable[..., Any], digest: str) -> None:
+        self._name, self._digest = f"{function.__module__}.{function.__qualname__}", digest
+
+    @property
+    def cache_path(self) -> str | None:
+        """Where new code is kept."""
+        writable = _places()[1]
+        return None if writable is None else str(writable / self._digest)
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return the code for a signature, None if there is none."""
+        target.refresh()
+        name = self._file_name(signature, target.codegen())
+        for place in _places()[0]:
+            with suppress(Exception):  # whatever damaged code gives
+                content = (place / self._digest / name).read_bytes()
+                checksum, code = content[:32], content[32:]
+                if hashlib.sha256(code).digest() == checksum:
+                    return CompileResult._rebuild(target, *pickle.loads(code))
+        return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep the code for a signature."""
+        if self.cache_path is None or compiled.library.has_dynamic_globals:
+            return
+        folder = Path(self.cache_path)
+        code = dumps(compiled._reduce())
+        path = folder / self._file_name(signature, compiled.codegen)
+        written = path.with_name(f"{uuid.uuid4().hex}.tmp")
+        with suppress(OSError):
+            if not folder.is_dir():
+                folder.mkdir(parents=True, exist_ok=True)
+                _forget_old(folder)
+            try:
+                written.write_bytes(hashlib.sha256(code).digest() + code)
+                os.replace(written, path)
+            finally:
+                written.unlink(missing_ok=True)
+
+    def _file_name(self, signature: Any, codegen: Any) -> str:
+        key = repr((signature, codegen.magic_tuple()))
+        return f"{self._name}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.bin"
+
+
+@cache
+def _places() -> tuple[list[Path], Path | None]:
+    """Where code is kept, looked for once a process; a note, but not from every worker."""
+    if multiprocessing.parent_process() is None and (note := kernel_note()):
+        warnings.warn(note, stacklevel=2)
+    return kernel_places()
+
+
+def _digest() -> str | None:
+    """SHA-256 of what the machine code follows from; None if that cannot be read."""
+    digest = hashlib.sha256()
+    versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
+    digest.update(repr(versions).encode())
+    for source in SOURCES:
+        try:
+            content = (Path(__file__).parent / source).read_bytes()
+        except OSError:
+            return None
+        digest.update(hashlib.sha256(content).digest())
+    return digest.hexdigest()
+
+
+def _forget_old(current: Path) -> None:
+    """Remove the code of all but the latest other states of the sources."""
+    others = [
+        folder for folder in current.parent.iterdir()
+        if folder != current and len(folder.name) == len(current.name) and folder.is_dir()
+    ]  # fmt: skip
+    others.sort(key=lambda folder: folder.stat().st_mtime)
+    for folder in others[:-OLD_VERSIONS]:
+        shutil.rmtree(folder, ignore_errors=True)

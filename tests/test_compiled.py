@@ -1,0 +1,137 @@
+"""Compiled functions are kept between processes, and never outlive what they were compiled from."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import infoplan
+from infoplan import compiled
+from infoplan.compiled import SOURCES, kernel
+
+PACKAGE = Path(infoplan.__file__).parent
+
+SEARCH = """
+import numpy as np
+from infoplan.plan import search
+from infoplan.plan.tree_search import _grow
+
+tree = search(
+    (50.0, 50.0, 0.0), np.ones((1, 5, 5)), (0.0, 100.0, 0.0, 100.0), speed=1.0,
+    samples_per_action=3, steering=[0.0], iterations=2, rollouts=0, exploration=0.3,
+    pareto=False, rng=np.random.default_rng(0),
+)
+print(*tree.pose[1], sum(_grow.stats.cache_hits.values()))
+"""
+
+WRAP = """
+from infoplan.robot import wrap
+print(wrap(7.0), sum(wrap.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    """A copy of the package, as an installation has it."""
+    folder = tmp_path / "site"
+    shutil.copytree(PACKAGE, folder / "infoplan", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def python(site: Path, code: str, **environment: str) -> list[float]:
+    """Run code with the package of a site; returns the numbers that it prints."""
+    env = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**env, "PYTHONPATH": str(site), **environment},
+        cwd=site,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert not done.returncode, done.stderr
+    return [float(word) for word in done.stdout.split()]
+
+
+def kept(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("infoplan-kernels/*/*.bin"))
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def test_a_search_drives_the_car_of_the_present_source(site):
+    # Straight ahead, three samples of length 1.
+    assert python(site, SEARCH) == [53.0, 50.0, 0.0, 0]
+    assert python(site, SEARCH) == [53.0, 50.0, 0.0, 1]  # from the cache
+    # Another car, in another file than the search: twice as fast.
+    edit(site / "infoplan/robot.py", "x + speed * math.cos", "x + 2 * speed * math.cos")
+    assert python(site, SEARCH) == [56.0, 50.0, 0.0, 0]
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x00" * 40, None])
+def test_damaged_code_is_compiled_anew(site, damage):
+    expected = 7.0 % (2 * np.pi)
+    assert python(site, WRAP) == [pytest.approx(expected), 0]
+    [file] = kept(site)
+    # Cut in the middle, as by a full disk; the digest at its start no longer fits.
+    file.write_bytes(file.read_bytes()[:2000] if damage is None else damage)
+    assert python(site, WRAP) == [pytest.approx(expected), 0]
+    assert python(site, WRAP) == [pytest.approx(expected), 1]
+
+
+def test_only_the_latest_states_of_the_sources_keep_their_code(site):
+    states = site / "infoplan/__pycache__/infoplan-kernels"
+    for day in range(9):
+        old = states / f"{day:064x}"
+        old.mkdir(parents=True)
+        (old / "some.bin").touch()
+        os.utime(old, (day * 86400, day * 86400))
+    python(site, WRAP)
+    names = sorted(folder.name for folder in states.iterdir())
+    current = [name for name in names if (states / name / "some.bin").exists() is False]
+    assert len(current) == 1
+    assert sorted(set(names) - set(current)) == [f"{day:064x}" for day in (6, 7, 8)]
+
+
+def test_numba_cache_dir_is_where_they_are_kept(site, tmp_path):
+    chosen = tmp_path / "chosen"
+    python(site, WRAP, NUMBA_CACHE_DIR=str(chosen))
+    assert len(kept(chosen)) == 1
+    assert not kept(site)
+
+
+def test_different_types_do_not_share_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled, "_places", lambda: ([tmp_path], tmp_path))
+
+    def double(x):
+        return x + x
+
+    for _ in range(2):  # compiled, then loaded
+        function = kernel()(double)
+        assert function(2) == 4
+        assert function(2.5) == 5.0
+    assert sum(function.stats.cache_hits.values()) == 2
+
+
+def test_all_modules_with_kernels_are_watched():
+    """Else an edit of one would go unnoticed; and kernels use nothing of unwatched modules."""
+    watched = {f"infoplan.{name[:-3].replace('/', '.')}" for name in SOURCES}
+    harmless = {"infoplan.errors", "infoplan.caches"}
+    for file in PACKAGE.rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        name = file.relative_to(PACKAGE).as_posix()
+        assert "njit" not in text or name == "compiled.py", name
+        if "infoplan.compiled import" in text:
+            assert name in SOURCES
+            imports = {
+                line.split()[1] for line in text.splitlines() if line.startswith("from infoplan")
+            }
+            assert imports <= watched | harmless, name
