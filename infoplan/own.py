@@ -63,6 +63,20 @@ def load(path: str, option: str = "function") -> Callable[..., Any]:
     return found
 
 
+def text_parameters(function: Callable[..., Any]) -> set[str]:
+    """Names of a function's keyword-only parameters that are annotated as text, or text | None."""
+    try:
+        signature = inspect.signature(function, eval_str=True)
+    except (TypeError, ValueError, NameError, SyntaxError, AttributeError):
+        return set()  # `resolve_options` says what is wrong with it
+    return {
+        key
+        for key, parameter in signature.parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY
+        and set(_alternatives(parameter.annotation)) <= {str, None, NoneType}
+    }
+
+
 def resolve_options(
     function: Callable[..., Any], given: Mapping[str, Any], option: str = "options"
 ) -> dict[str, Any]:
