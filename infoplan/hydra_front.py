@@ -5,6 +5,7 @@ our own sends all jobs of a multirun to one pool, and errors become one sentence
 """
 
 import copy
+import io
 import itertools
 import math
 import os
@@ -15,7 +16,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stderr
 from dataclasses import fields, is_dataclass
 from datetime import datetime
 from pathlib import Path
@@ -41,6 +42,7 @@ from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf, open_dict
 from omegaconf.errors import (
     ConfigKeyError,
+    ConfigTypeError,
     GrammarParseError,
     InterpolationResolutionError,
     MissingMandatoryValue,
@@ -149,7 +151,8 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     if "--shell-completion" not in given:
         overrides = readable(overrides, several=_is_multirun(flags, overrides))
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
-    with _own_state(), _command_line(flags, overrides):
+    quiet = redirect_stderr(io.StringIO()) if "--package" in given else nullcontext()
+    with _own_state(), _command_line(flags, overrides), quiet:
         register()
         register_launcher()
         _act = act
@@ -159,6 +162,11 @@ def compose_and(act: Act, arguments: list[str]) -> int:
             with _explained(_statuses):
                 entry(_task)()
         except SystemExit as stop:
+            if stop.code and "--package" in given:
+                raise UsageError(
+                    f"--package {given['--package']} is no part of the configuration: name a "
+                    "group, such as planner, or hydra"
+                ) from stop
             # Hydra's own pages end with 0.
             return int(stop.code or 0)
     for status in _statuses:
@@ -188,6 +196,7 @@ def compose(overrides: Sequence[str]) -> Config:
             composed = loader.load_configuration("config", words, RunMode.RUN, from_shell=False)
             with open_dict(composed):
                 del composed["hydra"]
+            _check_texts(loader, words)
             return _to_config(composed)
 
 
@@ -292,7 +301,7 @@ def check_flags(flags: Sequence[str]) -> dict[str, str]:
             value = next(rest, "")
         elif name not in (*VALUED_FLAGS, "--info") and equals:
             raise UsageError(f"{name} takes no value: write {name} alone")
-        if name in VALUED_FLAGS and not value:
+        if name in VALUED_FLAGS and (not value or (not equals and "=" in value)):
             raise UsageError(f"{name} wants {VALUED_FLAGS[name]}")
         given[name] = value
     if given.get("--cfg", "job") not in CONFIG_KINDS:
@@ -343,10 +352,15 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
         try:
             parser.parse_override(word)
         except (HydraException, RecursionError) as error:
-            raise UsageError(
-                f"the argument {harmless(typed)} cannot be read: write option=value; a value with "
-                "other than letters, digits and ./-_+ goes into quotes, \"option='...'\""
-            ) from error
+            metadata = _all_options().get(_key(typed))
+            remedy = (
+                f"{_key(typed)} must be {describe(metadata)}"
+                if metadata
+                else "write option=value; a value with other than letters, digits and ./-_+ goes "
+                "into quotes, \"option='...'\""
+            )
+            shown = typed if len(typed) < 100 else f"{typed[:60]} ..."
+            raise UsageError(f"the argument {harmless(shown)} cannot be read: {remedy}") from error
     return words
 
 
@@ -364,6 +378,10 @@ def _readable(
         raise UsageError(f"the argument {override!r} is no option=value, and no flag")
     if not value:
         raise UsageError(f"{name}= has no value: give one, or leave {name}= out")
+    for end in re.finditer(r"\.", bare):
+        owner = _all_options().get(bare[: end.start()])
+        if owner and "dict" not in str(owner["type"]):
+            raise UsageError(f"{bare[: end.start()]} has no parts: give {bare[: end.start()]}=...")
     if OWN_OPTION.match(name):
         # Hydra is to take options of which it has no list.
         name = f"++{name}"
@@ -445,7 +463,7 @@ class WatchedLauncher(Launcher):
 
     def __init__(self, launcher: Launcher, config: DictConfig):
         self.launcher = launcher
-        parsed = OverridesParser.create().parse_overrides(list(config.hydra.overrides.task))
+        parsed = OverridesParser.create().parse_overrides(_task_overrides(config.hydra))
         self.given = {
             override.key_or_group: override.input_line or ""
             for override in parsed
@@ -537,7 +555,11 @@ def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
     jobs = []
     for line in lines:
         try:
+            if not isinstance(line, str):
+                raise ValueError("no command line")
             overrides = parser.parse_overrides(readable(shlex.split(line), several=True))
+            if any(override.key_or_group in ("sweep", "experiment") for override in overrides):
+                raise ValueError("a study within a study")
             own = [override for override in overrides if override.key_or_group not in taken]
             values = [_values(override) for override in own]
         except (HydraException, ValueError, UsageError) as error:
@@ -597,17 +619,18 @@ def explain(error: BaseException) -> str:
     chain = [error]
     while (cause := chain[-1].__cause__ or chain[-1].__context__) is not None:
         chain.append(cause)
+    text = "\n".join(str(link) for link in chain)
     for link in chain:
         for kind, sentence in SENTENCES.items():
             if isinstance(link, kind) and (said := sentence(link)):
-                return said
-    text = "\n".join(str(link) for link in chain)
+                file = re.search(r"In '(\w+)/([^']*)': \w+ raised", text)
+                return f"{file[1]}={file[2]}: {said}" if file else said
     for pattern, words in REFUSALS.items():
         if match := re.search(pattern, text):
             return words(match)
     return (
-        "the configuration cannot be made of these options: see them with infoplan run --cfg job, "
-        "and leave out one after the other"
+        "the configuration cannot be made of these options and files: leave out one after the "
+        "other (HYDRA_FULL_ERROR=1 shows where it fails)"
     )
 
 
@@ -616,12 +639,14 @@ def _missing_file(error: Any) -> str:
     name = str(error.missing_cfg_file or "")
     group, slash, choice = name.rpartition("/")
     if not slash:
-        return f"there is no configuration {name!r}: leave out --config-name and --config-path"
+        called = f"no configuration {name!r}" if name else "no configuration in that folder"
+        return f"there is {called}: leave out --config-name and --config-path"
     choices = list(error.options or SCHEMAS.get(group, {}))
+    takes = f"{group}= takes {', '.join(choices)}" if choices else f"there is no group {group}"
     where = ", or put its file into the folder experiment of --config-dir"
     return (
-        f"there is no {group} {choice!r}{suggest(choice, choices)}: {group}= takes "
-        f"{', '.join(choices)}{where if group == 'experiment' else ''}"
+        f"there is no {group} {choice!r}{suggest(choice, choices)}: {takes}"
+        f"{where if group == 'experiment' else ''}"
     )
 
 
@@ -636,11 +661,20 @@ def _wrong_type(error: Any) -> str:
     name = str(error.full_key or "").lstrip(".")
     known = _all_options()
     option = next((name[:end] for end in _ends(name) if name[:end] in known), "")
+    if name.partition(".")[0] == "hydra":
+        return f"{name}={error.value} is not possible: Hydra takes another kind of value there"
     if not option:
-        return f"{name} cannot be {error.value!r}: choose by {name}=... alone" if name else ""
-    value = "" if error.value is None or name != option else f"={error.value}"
-    value = "=null" if name == option and error.value is None else value
+        return ""
+    value = f"={'null' if error.value is None else error.value}"
+    if name != option or not isinstance(error, ValidationError):
+        value = ""  # it is a part's, or not told
     return f"{option}{value} is not possible: {option} must be {describe(known[option])}"
+
+
+def _wrong_value(name: str, value: str) -> str:
+    if metadata := _all_options().get(name):
+        return f"{name}={value} is not possible: {name} must be {describe(metadata)}"
+    return f"{name}={value} is not possible"
 
 
 def _ends(name: str) -> Iterator[int]:
@@ -650,7 +684,10 @@ def _ends(name: str) -> Iterator[int]:
 
 
 def _unknown_key(error: Any) -> str:
-    return _no_option(str(error.full_key).lstrip(".")) if error.full_key else ""
+    name = str(error.full_key or "").lstrip(".")
+    if name == "experiment":
+        return "its first line must be `# @package _global_`, and then option: value, a line each"
+    return _no_option(name) if name else ""
 
 
 def _leads_nowhere(error: Any) -> str:
@@ -675,6 +712,12 @@ SENTENCES: dict[type[BaseException], Callable[[Any], str]] = {
     MissingMandatoryValue: lambda error: f"{error.full_key} has no value: give one",
     ConfigKeyError: _unknown_key,
     ValidationError: _wrong_type,
+    ConfigTypeError: _wrong_type,
+    OSError: lambda error: (
+        f"{error.filename} cannot be read or written ({error.strerror}): name another"
+        if error.filename
+        else ""
+    ),
 }
 """What to say of an error of Hydra or OmegaConf; empty where the text of others says more."""
 
@@ -686,6 +729,29 @@ REFUSALS: dict[str, Callable[[re.Match[str]], str]] = {
         f"{match[1]} gives several values: add -m to run them all"
     ),
     r"Could not override '([^']+)'": lambda match: _no_option(match[1]),
+    r"Error merging override \+*([^\s=]+)=(.*)": lambda match: _wrong_value(match[1], match[2]),
+    r"Merge error: \w+ is not a subclass of (\w+)Config": lambda match: (
+        "a group is chosen by a list `defaults:` in a file, with `- override /planner: uct`, and "
+        "its options are given as option: value"
+    ),
+    r"Config group override must be a string": lambda match: (
+        "planner, detector, terrain, model and experiment are chosen by a name: leave out null, "
+        "numbers and the like"
+    ),
+    r"Multiple values for (\S+)\.": lambda match: f"write {match[1]}=... without the +",
+    r"Invalid defaults list in '([^']+)'": lambda match: (
+        f"{match[1]}: `defaults:` must be a list, like [override /planner: uct]"
+    ),
+    r"does not support sweep type : (\w+)_SWEEP": lambda match: (
+        f"{match[1].lower()}() needs a sweeper that searches, such as hydra/sweeper=optuna "
+        "(pip install 'infoplan[sweep]')"
+    ),
+    r"range\(\) arg 3 must not be zero|Invalid range values": lambda match: (
+        "range(start,stop,step) needs a step other than 0"
+    ),
+    r"Expecting one subcommand|No completion plugin": lambda match: (
+        "--shell-completion wants install=bash, install=zsh or install=fish"
+    ),
     r"(?:Could not append to config\. An item is already at|Could not append) '([^']+?)'": (
         lambda match: f"{match[1]} is an option that there is: write {match[1]}=... without the +"
     ),
@@ -719,7 +785,7 @@ def _all_options() -> dict[str, dict[str, Any]]:
 def _task(composed: DictConfig) -> float:
     """Act on one job of Hydra's own; with another launcher than ours it may be one of many."""
     hydra_config = HydraConfig.get()
-    overrides = [list(hydra_config.overrides.task)]
+    overrides = [_task_overrides(hydra_config)]
     number = _study([composed], overrides, str(hydra_config.job.config_name))[0]
     last = _statuses[-1]
     if hydra_config.mode == RunMode.MULTIRUN and last:
@@ -734,6 +800,8 @@ def _study(
     """Act on the configurations of jobs as one study; return a number for each, for sweepers."""
     try:
         with _explained():
+            for job in overrides:
+                _check_texts(GlobalHydra.instance().config_loader(), job)
             compose = Composer(config_name)
             expanded = [_expanded(*job, compose) for job in zip(composed, overrides, strict=True)]
             configs = [_to_config(config) for job in expanded for config in job]
@@ -747,6 +815,32 @@ def _study(
     _statuses.append(status)
     values = iter(numbers)
     return [_score([next(values) for _ in job]) for job in expanded]
+
+
+def _check_texts(loader: Any, overrides: Sequence[str]) -> None:
+    """Refuse text without quotes in an experiment's file that YAML has read as something else."""
+    for experiment in _values_of("experiment", overrides):
+        loaded = loader.repository.load_config(f"experiment/{experiment}")
+        content = OmegaConf.to_container(loaded.config) if loaded else None
+        for name, value in _flat(content if isinstance(content, dict) else {}):
+            if name in text_options() and not isinstance(value, str | None):
+                raise UsageError(
+                    f"experiment={experiment}: {name} is text, but YAML reads what stands there as "
+                    f"{value}: put it in quotes"
+                )
+
+
+def _flat(content: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in content.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _task_overrides(hydra_config: Any) -> list[str]:
+    """Return the overrides of a job as they were written, ``${...}`` in them included."""
+    return list(map(str, OmegaConf.to_container(hydra_config.overrides.task)))
 
 
 def _score(numbers: list[float]) -> float:
