@@ -70,7 +70,7 @@ from infoplan.text_options import (
     typed_text,
     typed_texts,
 )
-from infoplan.wording import counted, harmless, suggest
+from infoplan.wording import counted, figure, harmless, suggest
 
 SCHEMAS: dict[str, dict[str, Any]] = {
     **METHODS,
@@ -161,6 +161,10 @@ def compose_and(act: Act, arguments: list[str]) -> int:
         try:
             with _explained(_statuses):
                 entry(_task)()
+        except RunError:
+            if _trials:
+                print(best_trial(_trials))
+            raise
         except SystemExit as stop:
             if stop.code and "--package" in given:
                 raise UsageError(
@@ -486,8 +490,12 @@ class WatchedLauncher(Launcher):
         if self.is_search:
             for job, result in zip(jobs, returned, strict=True):
                 number = result._return_value
-                done = result.status == JobStatus.COMPLETED and isinstance(number, float)
+                done = result.status == JobStatus.COMPLETED and not math.isnan(number)
                 _trials.append((job, number if done else math.nan))
+                if not done and result.status == JobStatus.COMPLETED:
+                    # A sweeper that minimises is told that it has failed: none takes a NaN.
+                    result.status = JobStatus.FAILED
+                    result._return_value = RunError("a trial has no RMSE: its missions failed")
         return returned
 
 
@@ -585,7 +593,7 @@ def best_trial(trials: Sequence[tuple[Sequence[str], float]]) -> str:
     overrides, number = min(finished, key=lambda trial: trial[1])
     run = f" ({number.run})" if isinstance(number, Score) and number.run else ""
     return (
-        f"best of {counted(len(trials), 'trial')}: RMSE {number!r}{run}: "
+        f"best of {counted(len(trials), 'trial')}: RMSE {figure(number)}{run}: "
         f"infoplan run {' '.join(map(_pasted, overrides))}"
     )
 
@@ -840,7 +848,8 @@ def _flat(content: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 def _task_overrides(hydra_config: Any) -> list[str]:
     """Return the overrides of a job as they were written, ``${...}`` in them included."""
-    return list(map(str, OmegaConf.to_container(hydra_config.overrides.task)))
+    words: Any = OmegaConf.to_container(hydra_config.overrides.task)
+    return list(words)
 
 
 def _score(numbers: list[float]) -> float:
@@ -968,6 +977,8 @@ def _explained(done: Sequence[int | Exception] = ()) -> Iterator[None]:
     except Exception as error:
         if error in done:
             raise
+        if failures := [failure for failure in done if isinstance(failure, Exception)]:
+            raise failures[0] from error
         if done:
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
             raise RunError(f"the sweep ended early, Hydra says {reason}") from error
