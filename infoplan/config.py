@@ -9,7 +9,7 @@ import copy
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from infoplan.errors import UsageError
 from infoplan.own import fits
@@ -61,8 +61,76 @@ def option(
     return field(default=default, metadata=metadata)
 
 
+class TerrainOptions:
+    """Types of the options of all terrains, for type checkers; each terrain has its own of them."""
+
+    if TYPE_CHECKING:
+        path: str | None
+        on_missing: str
+        member: str | None
+        array: str | None
+        nodata: Any
+        shape: Any
+        crop: list[int] | None
+        seed: int
+        lengthscale: list[float]
+        amplitude: float
+        mean: float
+        function: str | None
+        options: dict[str, Any]
+
+
+class PlannerOptions:
+    """Types of the options of all planners, for type checkers; each planner has its own of them."""
+
+    if TYPE_CHECKING:
+        iterations: int
+        rollouts: int
+        exploration: float
+        noisy_std: bool
+        weight: float
+        actions: int
+        spacing: float
+        lookahead: int
+        function: str | None
+        options: dict[str, Any]
+
+
+class DetectorOptions:
+    """Types of the options of all detectors, for type checkers; each detector has its own."""
+
+    if TYPE_CHECKING:
+        contamination: float
+        score: str
+        model: str
+        features: list[str]
+        params: dict[str, Any]
+        threshold: float
+        one_by_one: bool
+        neighbours: int
+        function: str | None
+        options: dict[str, Any]
+
+
+class ModelOptions:
+    """Types of the options of all models, for type checkers; each model has its own of them."""
+
+    if TYPE_CHECKING:
+        amplitude: float
+        lengthscale: float
+        noise_variance: float
+        min_noise_variance: float
+        jitter: float
+        optimizer: str
+        learning_rate: float
+        dtype: str
+        dof: float
+        function: str | None
+        options: dict[str, Any]
+
+
 @dataclass
-class TerrainConfig:
+class TerrainConfig(TerrainOptions):
     """The ground truth and its workspace; the built-in maps have no further options."""
 
     name: str = option("volcano", "which map", choices=("volcano", "jacksboro"))
@@ -170,7 +238,7 @@ def terrain_kind(name: str) -> str:
 
 
 @dataclass
-class PlannerConfig:
+class PlannerConfig(PlannerOptions):
     """What all planners have."""
 
     name: str = option("", "planner")
@@ -251,7 +319,7 @@ class OwnPlannerConfig(PlannerConfig):
 
 
 @dataclass
-class DetectorConfig:
+class DetectorConfig(DetectorOptions):
     """What judges the samples."""
 
     name: str = option("none", "detector", choices=("none", "best"))
@@ -322,7 +390,7 @@ class OwnDetectorConfig(DetectorConfig):
 
 
 @dataclass
-class ModelConfig:
+class ModelConfig(ModelOptions):
     """What all models have."""
 
     name: str = option("", "model")
