@@ -11,6 +11,7 @@ from infoplan.errors import UsageError
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.terrain import Terrain, load_terrain
 from infoplan.terrain.surface import array_digest, checked_extent
+from infoplan.text_options import as_value
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,10 +62,10 @@ def configure(*overrides: str, **options: Any) -> MissionConfig:
     """
     from infoplan.hydra_front import compose
 
-    written = [*overrides, *(f"{name}={_written(value)}" for name, value in options.items())]
+    written = [*overrides, *(f"{name}={as_value(name, value)}" for name, value in options.items())]
     names = [item.name for item in fields(MissionConfig)]
     for override in written:
-        name = override.partition("=")[0]
+        name = override.partition("=")[0].lstrip("+")
         if name in {item.name for item in fields(Config)} - set(names):
             raise UsageError(f"{override} is no option of a single mission: leave it out")
     config = compose(written)
@@ -240,20 +241,3 @@ def _directions(x: Floats, pose: Floats | None) -> Floats:
     if pose is None and len(x) > 1:
         step[0] = step[1]
     return np.arctan2(step[:, 1], step[:, 0]) % (2 * np.pi)
-
-
-def _written(value: Any) -> str:
-    """Write a Python value as the value of a Hydra override."""
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "{" + ",".join(f"{key}:{_written(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list | tuple | np.ndarray):
-        return "[" + ",".join(_written(item) for item in value) + "]"
-    if isinstance(value, int | float | np.number):
-        return repr(value.item() if isinstance(value, np.generic) else value)
-    if str(value).replace("_", "").isalnum():
-        return str(value)
-    return "'" + str(value).replace("'", "\\'") + "'"

@@ -9,9 +9,10 @@ import copy
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from infoplan.errors import UsageError
+from infoplan.own import fits
 
 
 def option(
@@ -60,8 +61,76 @@ def option(
     return field(default=default, metadata=metadata)
 
 
+class TerrainOptions:
+    """Types of the options of all terrains, for type checkers; each terrain has its own of them."""
+
+    if TYPE_CHECKING:
+        path: str | None
+        on_missing: str
+        member: str | None
+        array: str | None
+        nodata: Any
+        shape: Any
+        crop: list[int] | None
+        seed: int
+        lengthscale: list[float]
+        amplitude: float
+        mean: float
+        function: str | None
+        options: dict[str, Any]
+
+
+class PlannerOptions:
+    """Types of the options of all planners, for type checkers; each planner has its own of them."""
+
+    if TYPE_CHECKING:
+        iterations: int
+        rollouts: int
+        exploration: float
+        noisy_std: bool
+        weight: float
+        actions: int
+        spacing: float
+        lookahead: int
+        function: str | None
+        options: dict[str, Any]
+
+
+class DetectorOptions:
+    """Types of the options of all detectors, for type checkers; each detector has its own."""
+
+    if TYPE_CHECKING:
+        contamination: float
+        score: str
+        model: str
+        features: list[str]
+        params: dict[str, Any]
+        threshold: float
+        one_by_one: bool
+        neighbours: int
+        function: str | None
+        options: dict[str, Any]
+
+
+class ModelOptions:
+    """Types of the options of all models, for type checkers; each model has its own of them."""
+
+    if TYPE_CHECKING:
+        amplitude: float
+        lengthscale: float
+        noise_variance: float
+        min_noise_variance: float
+        jitter: float
+        optimizer: str
+        learning_rate: float
+        dtype: str
+        dof: float
+        function: str | None
+        options: dict[str, Any]
+
+
 @dataclass
-class TerrainConfig:
+class TerrainConfig(TerrainOptions):
     """The ground truth and its workspace; the built-in maps have no further options."""
 
     name: str = option("volcano", "which map", choices=("volcano", "jacksboro"))
@@ -175,7 +244,7 @@ def terrain_kind(name: str) -> str:
 
 
 @dataclass
-class PlannerConfig:
+class PlannerConfig(PlannerOptions):
     """What all planners have."""
 
     name: str = option("", "planner")
@@ -187,6 +256,7 @@ class PlannerConfig:
         "standard deviation of the Gaussian that smooths the outlier matrix",
         unit="workspace units",
         at_least=0,
+        at_most=1e12,
     )
 
 
@@ -195,10 +265,13 @@ class TreeSearchConfig(PlannerConfig):
     """Tree search over the robot's actions."""
 
     name: str = option("puct", "tree policy", choices=("uct", "puct"))
-    iterations: int = option(500, "tree search iterations a decision", at_least=1)
-    rollouts: int = option(5, "straight actions of a rollout", at_least=0)
+    iterations: int = option(500, "tree search iterations a decision", at_least=1, at_most=10**9)
+    rollouts: int = option(5, "straight actions of a rollout", at_least=0, at_most=10**6)
     exploration: float = option(
-        0.3, "C of the (Pareto) UCB, times the largest mean among the children", at_least=0
+        0.3,
+        "C of the (Pareto) UCB, times the largest mean among the children",
+        at_least=0,
+        at_most=1e12,
     )
     noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
@@ -219,7 +292,7 @@ class RandomConfig(PlannerConfig):
     """Random walk of the car."""
 
     name: str = option("random", "planner", choices=("random",))
-    actions: int = option(6, "actions of a plan", at_least=1)
+    actions: int = option(6, "actions of a plan", at_least=1, at_most=10**6)
 
 
 @dataclass
@@ -227,7 +300,7 @@ class GreedyConfig(PlannerConfig):
     """The best next action, one after the other."""
 
     name: str = option("greedy", "planner", choices=("greedy",))
-    actions: int = option(6, "actions of a plan", at_least=1)
+    actions: int = option(6, "actions of a plan", at_least=1, at_most=10**6)
     noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
@@ -236,8 +309,8 @@ class LawnmowerConfig(PlannerConfig):
     """Coverage in parallel tracks, whatever was measured."""
 
     name: str = option("lawnmower", "planner", choices=("lawnmower",))
-    actions: int = option(6, "actions of a plan", at_least=1)
-    spacing: float = option(5.0, "between tracks", unit="workspace units", above=0)
+    actions: int = option(6, "actions of a plan", at_least=1, at_most=10**6)
+    spacing: float = option(5.0, "between tracks", unit="workspace units", above=0, at_most=1e12)
     lookahead: int = option(3, "actions that are looked ahead for each", at_least=1, at_most=5)
 
 
@@ -252,7 +325,7 @@ class OwnPlannerConfig(PlannerConfig):
 
 
 @dataclass
-class DetectorConfig:
+class DetectorConfig(DetectorOptions):
     """What judges the samples."""
 
     name: str = option("none", "detector", choices=("none", "best"))
@@ -290,7 +363,9 @@ class GpResidualConfig(DetectorConfig):
     """Leave-one-out residual of the Gaussian process."""
 
     name: str = option("gp_residual", "detector", choices=("gp_residual",))
-    threshold: float = option(3.0, "largest residual kept", unit="standard deviations", above=0)
+    threshold: float = option(
+        3.0, "largest residual kept", unit="standard deviations", above=0, at_most=1e12
+    )
     one_by_one: bool = option(
         True, "drop the worst, look at the others without it, and so on; false: all at once"
     )
@@ -303,7 +378,11 @@ class LocalConfig(DetectorConfig):
     name: str = option("local", "detector", choices=("local",))
     neighbours: int = option(10, "nearest samples that one is compared with", at_least=2)
     threshold: float = option(
-        3.5, "largest distance from their median kept", unit="their deviations", above=0
+        3.5,
+        "largest distance from their median kept",
+        unit="their deviations",
+        above=0,
+        at_most=1e12,
     )
 
 
@@ -317,15 +396,18 @@ class OwnDetectorConfig(DetectorConfig):
 
 
 @dataclass
-class ModelConfig:
+class ModelConfig(ModelOptions):
     """What all models have."""
 
     name: str = option("", "model")
-    pilot_iterations: int = option(500, "optimiser iterations on the pilot data", at_least=0)
+    pilot_iterations: int = option(
+        500, "optimiser iterations on the pilot data", at_least=0, at_most=10**9
+    )
     iterations: Any = option(  # a union would be right, but OmegaConf 2.3 cannot merge one
         5,
         "optimiser iterations an epoch, or as many as new samples",
         at_least=0,
+        at_most=10**9,
         choices=("per_sample",),
     )
 
@@ -335,11 +417,13 @@ class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
-    amplitude: float = option(1.0, "start value of the amplitude", above=0)
-    lengthscale: float = option(0.5, "start value of both lengthscales", above=0)
-    noise_variance: float = option(1.0, "start value of the noise variance", above=0)
-    min_noise_variance: float = option(1e-4, "floor of the learned noise variance", at_least=0)
-    jitter: float = option(1e-6, "added to the diagonal of the covariance", at_least=0)
+    amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
+    lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
+    noise_variance: float = option(1.0, "start value of the noise variance", above=0, at_most=1e6)
+    min_noise_variance: float = option(
+        1e-4, "floor of the learned noise variance", at_least=0, at_most=1e6
+    )
+    jitter: float = option(1e-6, "added to the diagonal of the covariance", at_least=0, at_most=1e6)
     optimizer: str = option(
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
@@ -352,12 +436,16 @@ class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))
-    dof: float = option(4.0, "degrees of freedom of the noise", above=2)
-    amplitude: float = option(1.0, "start value of the amplitude", above=0)
-    lengthscale: float = option(0.5, "start value of both lengthscales", above=0)
-    noise_variance: float = option(1.0, "start value of the squared scale of the noise", above=0)
-    min_noise_variance: float = option(1e-4, "floor of the learned squared scale", at_least=0)
-    jitter: float = option(1e-6, "added to the diagonal of the covariance", at_least=0)
+    dof: float = option(4.0, "degrees of freedom of the noise", above=2, at_most=1e12)
+    amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
+    lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
+    noise_variance: float = option(
+        1.0, "start value of the squared scale of the noise", above=0, at_most=1e6
+    )
+    min_noise_variance: float = option(
+        1e-4, "floor of the learned squared scale", at_least=0, at_most=1e6
+    )
+    jitter: float = option(1e-6, "added to the diagonal of the covariance", at_least=0, at_most=1e6)
     optimizer: str = option(
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
@@ -401,8 +489,10 @@ METHODS: dict[str, dict[str, Any]] = {
 class RobotConfig:
     """Dubins car."""
 
-    speed: float = option(0.7, "distance between samples", unit="workspace units", above=0)
-    samples_per_action: int = option(10, "samples along an action", at_least=1)
+    speed: float = option(
+        0.7, "distance between samples", unit="workspace units", above=0, at_most=1e12
+    )
+    samples_per_action: int = option(10, "samples along an action", at_least=1, at_most=10**6)
     max_steering: float = option(
         0.15, "largest steering angle, a turn per sample", unit="rad", above=0, at_most=math.pi
     )
@@ -447,7 +537,11 @@ class SensorConfig:
     """The elevation sensor."""
 
     noise_std: float = option(
-        1.0, "standard deviation of the Gaussian noise", unit="the terrain's", at_least=0
+        1.0,
+        "standard deviation of the Gaussian noise",
+        unit="the terrain's",
+        at_least=0,
+        at_most=1e12,
     )
 
 
@@ -461,7 +555,11 @@ class OutliersConfig:
         choices=("round", "floor", "bernoulli"),
     )
     amplitude: list[float] = option(
-        [1.0, 2.0], "bounds of the uniform amplitude, times the data range", at_least=0, length=2
+        [1.0, 2.0],
+        "bounds of the uniform amplitude, times the data range",
+        at_least=0,
+        at_most=1e9,
+        length=2,
     )
     quantiles: list[float] = option(
         [0.05, 0.95],
@@ -496,7 +594,7 @@ class Config(MissionConfig):
     """A mission's science and how to run it."""
 
     seeds: Any = option(10, "how many seeds (0 to n - 1), or a list of them")
-    n_jobs: int = option(-1, "parallel missions; -1: one a core")
+    n_jobs: int = option(-1, "parallel missions; -1: one a core", at_most=10_000)
     backend: str = option(
         "loky",
         "where missions run: worker processes, a Dask cluster, or this process",
@@ -514,6 +612,14 @@ class Config(MissionConfig):
     sweep: list[str] = option(
         [], "command lines whose configurations are the study; options given beside replace theirs"
     )
+
+
+FARTHEST = 1e12
+"""Largest coordinate of a workspace: beyond it, steps of a robot are lost in rounding."""
+
+MOST_SEEDS = 1_000_000
+LARGEST_INTEGER = 2**63 - 1
+"""What tables can hold."""
 
 
 def with_values(choice: Any, **values: Any) -> Any:
@@ -553,6 +659,11 @@ def validate(config: MissionConfig) -> None:
     """
     check_options(config)
     xmin, xmax, ymin, ymax = config.terrain.extent
+    if max(map(abs, config.terrain.extent)) > FARTHEST:
+        raise UsageError(
+            f"terrain.extent={config.terrain.extent} is too large: no bound may be beyond "
+            f"{FARTHEST:g} workspace units"
+        )
     if not (xmin < xmax and ymin < ymax):
         raise UsageError(
             f"terrain.extent={config.terrain.extent} is empty: it is [xmin,xmax,ymin,ymax] "
@@ -563,13 +674,13 @@ def validate(config: MissionConfig) -> None:
         # Half a side must hold an action, or the car could be stuck whatever its heading.
         raise UsageError(
             f"terrain.extent={config.terrain.extent} is too small for the robot: each side must be "
-            f"at least twice robot.speed x robot.samples_per_action = {2 * action:g}"
+            f"at least twice robot.speed x robot.samples_per_action = {plain_number(2 * action)}"
         )
     planner, speed = config.planner, config.robot.speed
     if isinstance(planner, LawnmowerConfig) and planner.spacing < speed:
         raise UsageError(
-            f"planner.spacing={planner.spacing:g} is too narrow: it must be at least "
-            f"robot.speed={speed:g}, the distance between samples"
+            f"planner.spacing={planner.spacing} is too narrow: it must be at least "
+            f"robot.speed={plain_number(speed)}, the distance between samples"
         )
     if config.budget <= config.pilot.samples:
         raise UsageError(
@@ -636,6 +747,12 @@ def describe(metadata: dict[str, Any]) -> str:
     return f"{described}{unit} ({metadata['doc']})"
 
 
+def plain_number(value: float) -> str:
+    """Write a number shortly, but so that it is that very number when it is read again."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
+
+
 def seed_list(seeds: Any) -> list[int]:
     """Seeds that ``seeds=`` stands for: a count n means 0 to n - 1.
 
@@ -644,11 +761,16 @@ def seed_list(seeds: Any) -> list[int]:
     UsageError
         If it is neither a positive count nor a list of different non-negative integers.
     """
-    allowed = "it must be a count of at least 1, or a list of different integers of at least 0"
+    allowed = (
+        f"it must be a count of at least 1 and at most {MOST_SEEDS}, or a list of different "
+        "integers of at least 0"
+    )
     if isinstance(seeds, bool) or not isinstance(seeds, int | list):
         raise UsageError(f"seeds={seeds!r} is not a number of seeds: {allowed}")
+    if isinstance(seeds, int) and seeds > MOST_SEEDS:
+        raise UsageError(f"seeds={seeds} are too many: {allowed}")
     chosen = list(range(seeds)) if isinstance(seeds, int) else seeds
-    if any(isinstance(seed, bool) or not isinstance(seed, int) or seed < 0 for seed in chosen):
+    if not all(type(seed) is int and 0 <= seed <= LARGEST_INTEGER for seed in chosen):
         raise UsageError(f"seeds={seeds} holds something else than seeds: {allowed}")
     if not chosen:
         raise UsageError(f"seeds={seeds} is no seed at all: {allowed}")
@@ -659,6 +781,13 @@ def seed_list(seeds: Any) -> list[int]:
 
 def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
     choices = metadata["choices"]
+    for number in _numbers(value):
+        if isinstance(number, float) and not math.isfinite(number):
+            raise UsageError(f"{name}={value} must be finite")
+        if abs(number) > LARGEST_INTEGER and isinstance(number, int):
+            raise UsageError(f"{name}={value} is too large: a whole number has at most 18 digits")
+    if not fits(value, metadata["type"]):
+        raise UsageError(f"{name}={value} is not possible: {name} must be {describe(metadata)}")
     if value is None:
         return
     if choices and isinstance(value, list):
@@ -672,14 +801,14 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
         if choices and value not in choices:
             number = " or a whole number" if metadata["bounds"] else " or a number"
             also = number if metadata["type"] is Any else ""
+            if set(value.split(",")) <= set(choices):
+                also += " (add -m to run several)"
             raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
         return
     length = metadata["length"]
     if length is not None and len(value) != length:
         raise UsageError(f"{name}={value} must have {length} entries ({metadata['doc']})")
     for number in _numbers(value):
-        if not math.isfinite(number):
-            raise UsageError(f"{name}={value} must be finite")
         for relation, bound in metadata["bounds"].items():
             if not _holds(number, relation, bound):
                 raise UsageError(
@@ -706,7 +835,9 @@ def _holds(number: float, relation: str, bound: float) -> bool:
 
 
 def _bounds(metadata: dict[str, Any]) -> str:
-    return " and ".join(f"{relation} {bound:g}" for relation, bound in metadata["bounds"].items())
+    return " and ".join(
+        f"{relation} {plain_number(bound)}" for relation, bound in metadata["bounds"].items()
+    )
 
 
 def _either(choices: tuple[str, ...]) -> str:

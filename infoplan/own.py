@@ -63,6 +63,20 @@ def load(path: str, option: str = "function") -> Callable[..., Any]:
     return found
 
 
+def text_parameters(function: Callable[..., Any]) -> set[str]:
+    """Names of a function's keyword-only parameters that are annotated as text, or text | None."""
+    try:
+        signature = inspect.signature(function, eval_str=True)
+    except (TypeError, ValueError, NameError, SyntaxError, AttributeError):
+        return set()  # `resolve_options` says what is wrong with it
+    return {
+        key
+        for key, parameter in signature.parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY
+        and set(_alternatives(parameter.annotation)) <= {str, None, NoneType}
+    }
+
+
 def resolve_options(
     function: Callable[..., Any], given: Mapping[str, Any], option: str = "options"
 ) -> dict[str, Any]:
@@ -119,7 +133,7 @@ def resolve_options(
         if key not in given and parameter.default is parameter.empty:
             raise UsageError(f"{name} needs {option}.{key}: give {_words(kind)}")
         value = given.get(key, parameter.default)
-        if not _fits(value, kind):
+        if not fits(value, kind):
             where = f"{option}.{key}={value}" if key in given else f"the default {value!r} of {key}"
             raise UsageError(f"{where} does not fit {name}: it must be {_words(kind)}")
         resolved[key] = _converted(value, kind)
@@ -165,12 +179,18 @@ def _is_supported(kind: Any) -> bool:
     return True
 
 
-def _fits(value: Any, kind: Any) -> bool:
+def fits(value: Any, kind: Any) -> bool:
+    """Whether a value is of a type that an option may have, to the bottom of lists and mappings.
+
+    A whole number is a number, too; true and false are none.
+    """
     return any(_fits_one(value, member) for member in _alternatives(kind))
 
 
 def _fits_one(value: Any, kind: Any) -> bool:
     base, inner = get_origin(kind) or kind, get_args(kind)
+    if kind is Any:
+        return True
     if kind in (None, NoneType):
         return value is None
     if base is float:
@@ -180,9 +200,9 @@ def _fits_one(value: Any, kind: Any) -> bool:
     if not isinstance(value, base):
         return False
     if base is list and inner:
-        return all(_fits(entry, inner[0]) for entry in value)
+        return all(fits(entry, inner[0]) for entry in value)
     if base is dict and inner:
-        return all(_fits(k, inner[0]) and _fits(v, inner[1]) for k, v in value.items())
+        return all(fits(k, inner[0]) and fits(v, inner[1]) for k, v in value.items())
     return True
 
 

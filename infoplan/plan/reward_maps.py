@@ -8,7 +8,10 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import correlate1d, gaussian_filter1d
+
+LONG = 1_000_000
+"""Radius, in nodes, from which the sum of a Gaussian kernel is its integral."""
 
 from infoplan.compiled import kernel
 
@@ -98,7 +101,30 @@ def smooth(
     xmin, xmax, ymin, ymax = extent
     # Divided by each axis' node spacing; an axis of a single node has nothing to smooth.
     nodes = (sigma * (rows - 1) / (ymax - ymin), sigma * (cols - 1) / (xmax - xmin))
-    return gaussian_filter(matrix, nodes, mode="nearest")
+    for axis, deviation in enumerate(nodes):
+        matrix = _smooth_axis(matrix, deviation, axis)
+    return matrix
+
+
+def _smooth_axis(matrix: NDArray[np.float64], sigma: float, axis: int) -> NDArray[np.float64]:
+    """Smooth along one axis, in time that does not grow with a kernel longer than the map."""
+    n, radius = matrix.shape[axis], math.floor(4 * sigma + 0.5)
+    if sigma <= 1e-15:
+        return matrix
+    if radius <= max(4 * n, 5000):
+        return gaussian_filter1d(matrix, sigma, axis=axis, mode="nearest")
+    kernel = np.exp(-0.5 * (np.arange(1 - n, n) / sigma) ** 2)
+    if radius < LONG:
+        whole = 1 + 2 * np.exp(-0.5 * (np.arange(1, radius + 1) / sigma) ** 2).sum()
+    else:
+        # Of a kernel this long the sum is the integral, up to rounding.
+        whole = sigma * math.sqrt(2 * math.pi) * math.erf((radius + 0.5) / (sigma * math.sqrt(2)))
+    # What lies beyond an end has the value of the end's node.
+    side = (whole - 1) / 2 - np.concatenate([[0.0], np.cumsum(kernel[n:])])
+    along = [-1 if other == axis else 1 for other in range(matrix.ndim)]
+    first, last = np.take(matrix, [0], axis), np.take(matrix, [n - 1], axis)
+    beyond = first * side.reshape(along) + last * side[::-1].reshape(along)
+    return (correlate1d(matrix, kernel, axis, mode="constant") + beyond) / whole
 
 
 def normalise(reward_map: ArrayLike) -> NDArray[np.float64]:

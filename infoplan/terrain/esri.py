@@ -165,7 +165,9 @@ def _wrong(key: str, number: float) -> str | None:
         return None
     if not math.isfinite(number):
         return "it must be a finite number"
-    if key in ("ncols", "nrows") and not (2 <= number <= grids.MAX_STORED_NODES and number % 1 == 0):
+    if key in ("ncols", "nrows") and not (
+        2 <= number <= grids.MAX_STORED_NODES and number % 1 == 0
+    ):
         return f"it must be a whole number, at least 2 and at most {grids.MAX_STORED_NODES}"
     if key in ("cellsize", "dx", "dy") and number <= 0:
         return "it must be above 0"

@@ -160,9 +160,7 @@ def _read_large(stream: BinaryIO, name: str, what: str, wanted: Wanted) -> MapFi
     return read
 
 
-def _raster(
-    source: bytes | BinaryIO, name: str, what: str, wanted: Wanted, digest: str
-) -> MapFile:
+def _raster(source: bytes | BinaryIO, name: str, what: str, wanted: Wanted, digest: str) -> MapFile:
     changes = {}
     if PurePath(name).suffix.lower() == ".asc":
         stream = io.BytesIO(source) if isinstance(source, bytes) else source

@@ -101,7 +101,7 @@ def _encoding(content: bytes, what: str) -> str:
             break
     else:
         encoding = "ascii" if content.isascii() else "utf-8"
-        if b"\0" in content[:2**16]:
+        if b"\0" in content[: 2**16]:
             zeros = {content[start:2000:2].count(0) for start in (0, 1)}
             if min(zeros) == 0 and max(zeros) >= len(content[:2000]) // 3:
                 raise UsageError(f"{what} is a text in UTF-16 without its mark: save it as UTF-8")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
 
 from infoplan.plan import count_flags, normalise, smooth
 
@@ -102,3 +103,19 @@ def test_smoothing_leaves_its_input_alone():
 def test_normalise():
     assert normalise([[1.0, 4.0], [0.0, 2.0]]).tolist() == [[0.25, 1.0], [0.0, 0.5]]
     assert normalise(np.zeros((2, 3))).tolist() == [[0.0] * 3] * 2
+
+
+@pytest.mark.parametrize("sigma", [700.0, 20000.0])
+@pytest.mark.parametrize("shape", [(12, 9), (2, 40)])
+def test_a_kernel_far_longer_than_the_map(sigma, shape):
+    counts = np.random.default_rng(3).poisson(0.3, shape)
+    nodes = [sigma * (shape[0] - 1) / 50, sigma * (shape[1] - 1) / 50]
+    expected = gaussian_filter(counts.astype(float), nodes, mode="nearest")
+    np.testing.assert_allclose(smooth(counts, sigma, (0, 50, 0, 50)), expected, rtol=1e-11)
+
+
+def test_without_end_it_is_the_mean_of_the_corners():
+    counts = np.random.default_rng(3).poisson(2, (12, 9))
+    smoothed = smooth(counts, 1e12, (0, 50, 0, 50))
+    corners = counts[[0, 0, -1, -1], [0, -1, 0, -1]].mean()
+    np.testing.assert_allclose(smoothed, np.full((12, 9), corners), rtol=1e-9)
