@@ -5,6 +5,7 @@ our own sends all jobs of a multirun to one pool, and errors become one sentence
 """
 
 import copy
+import io
 import itertools
 import os
 import re
@@ -13,7 +14,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields, is_dataclass
 from types import ModuleType
 from typing import Any
@@ -146,21 +147,14 @@ def compose_terrain(overrides: list[str]) -> TerrainConfig:
     return compose(overrides).terrain
 
 
-def complete(arguments: list[str]) -> int:
-    """Serve shell completion: the command word goes, the rest is Hydra's."""
-    line = os.environ.get("COMP_LINE", "")
-    words = line.split(" ")
-    if len(words) > 1 and words[1] == "run":
-        os.environ["COMP_LINE"] = " ".join([words[0], *words[2:]])
-        if "COMP_POINT" in os.environ:
-            os.environ["COMP_POINT"] = str(max(0, int(os.environ["COMP_POINT"]) - len("run ")))
-        return run(arguments)
-    if "query=" in " ".join(arguments) and len(words) > 1:
-        from infoplan.cli import COMMANDS
-
-        print("\n".join(name for name in COMMANDS if name.startswith(words[1])))
-        return 0
-    return run(arguments)
+def complete(incomplete: str) -> list[str]:
+    """Complete a word of ``infoplan run`` that is Hydra's own, like ``hydra/launcher=``."""
+    line = f"infoplan {incomplete}"
+    told = io.StringIO()
+    os.environ |= {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    with redirect_stdout(told):
+        run(["-sc", "query=bash"])
+    return told.getvalue().split()
 
 
 def register() -> None:
