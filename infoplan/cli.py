@@ -1,11 +1,10 @@
 """The console command: call, and say in one sentence what went wrong."""
 
-import errno
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, TextIO
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -50,7 +49,7 @@ def _caught(arguments: list[str]) -> int:
         _throw_away(sys.stdout)
         return EXIT_FAILED
     except Exception as error:
-        if isinstance(error, OSError) and _is_lost(sys.stdout):
+        if isinstance(error, OSError) and getattr(sys.stdout, "failure", None) is not None:
             _throw_away(sys.stdout)
             reason = error.strerror or error
             _say(f"infoplan: standard output cannot be written ({reason}): what it should show "
@@ -59,10 +58,46 @@ def _caught(arguments: list[str]) -> int:
         if _wants_traceback():
             raise
         _say(
-            f"infoplan: unexpected {type(error).__name__}: {error} "
-            "(HYDRA_FULL_ERROR=1 shows where)"
+            f"infoplan: unexpected {type(error).__name__}: {error} (HYDRA_FULL_ERROR=1 shows where)"
         )
         return EXIT_FAILED
+
+
+class _Output:
+    """Standard output that remembers that it could not be written to.
+
+    Parameters
+    ----------
+    stream
+        The stream itself.
+
+    Attributes
+    ----------
+    failure
+        What the last attempt ended in, if that was an error.
+    """
+
+    def __init__(self, stream: TextIO):
+        self.stream = stream
+        self.failure: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """Write, and remember what went wrong."""
+        return self._remembered(self.stream.write, text)
+
+    def flush(self) -> None:
+        """Flush, and remember what went wrong."""
+        self._remembered(self.stream.flush)
+
+    def _remembered(self, act: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return act(*arguments)
+        except OSError as error:
+            self.failure = error
+            raise
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
 
 
 @contextmanager
@@ -75,11 +110,12 @@ def _streams() -> Iterator[None]:
     closed = sys.stdout is None
     handlers = {}
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        sys.stdout, sys.stderr = (stream or nowhere for stream in before)
-        for stream in (sys.stdout, sys.stderr):
+        for stream in filter(None, before):
             if hasattr(stream, "reconfigure") and stream.errors == "strict":
                 handlers[stream] = stream.errors
                 stream.reconfigure(errors="backslashreplace")
+        sys.stdout = _Output(before[0] or nowhere)
+        sys.stderr = before[1] or nowhere
         if closed:
             _say("infoplan: standard output is closed: what it should show is lost")
         try:
@@ -95,17 +131,6 @@ def _say(sentence: str) -> None:
     """Write to standard error, if anybody listens."""
     with suppress(OSError, ValueError):
         print(sentence, file=sys.stderr, flush=True)
-
-
-def _is_lost(stream: Any) -> bool:
-    """Whether a stream cannot get rid of what was written to it."""
-    try:
-        stream.flush()
-    except OSError as error:
-        return error.errno != errno.EPIPE
-    except ValueError:
-        return True
-    return False
 
 
 def _throw_away(stream: Any) -> None:

@@ -163,6 +163,22 @@ class More:
     words: Callable[[str], list[str]] = lambda incomplete: []
 
 
+class Page(click.HelpFormatter):
+    """A page whose left column leaves room for the right one, however narrow it is."""
+
+    def write_dl(
+        self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2
+    ) -> None:
+        """Write two columns."""
+        super().write_dl(list(rows), min(col_max, self.width * 2 // 5), col_spacing)
+
+
+class Context(click.Context):
+    """A context with pages of ours."""
+
+    formatter_class = Page
+
+
 class Command(click.Command):
     """A command of words.
 
@@ -176,6 +192,8 @@ class Command(click.Command):
         What it takes of the options of configurations.
     """
 
+    context_class = Context
+
     def __init__(
         self,
         *arguments: Any,
@@ -183,8 +201,8 @@ class Command(click.Command):
         more: More | None = None,
         **attributes: Any,
     ):
-        super().__init__(*arguments, context_settings={"help_option_names": list(HELP)},
-                         **attributes)  # fmt: skip
+        attributes |= {"context_settings": {"help_option_names": list(HELP)}}
+        super().__init__(*arguments, **attributes)
         self.examples, self.more = examples, more
 
     @property
@@ -257,10 +275,11 @@ class Command(click.Command):
 class Group(click.Group):
     """A command of commands; otherwise as `Command`."""
 
+    context_class = Context
+
     def __init__(self, *arguments: Any, examples: Sequence[str] = (), **attributes: Any):
-        settings = {"help_option_names": list(HELP)}
-        super().__init__(*arguments, context_settings=settings, no_args_is_help=False,
-                         **attributes)  # fmt: skip
+        attributes |= {"context_settings": {"help_option_names": list(HELP)}}
+        super().__init__(*arguments, **attributes | {"no_args_is_help": False})
         self.examples = examples
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -415,9 +434,8 @@ def show_help_if_asked(command: click.Command, ctx: click.Context, args: Sequenc
     """Print the page of a command and end, if one of its words asks for it."""
     if ctx.resilient_parsing or not set(HELP) & set(args):
         return
-    ctx.meta[GIVEN] = dict(
-        (name, text) for name, equals, text in (word.partition("=") for word in args) if equals
-    )
+    parted = (word.partition("=") for word in args)
+    ctx.meta[GIVEN] = {name: text for name, equals, text in parted if equals}
     click.echo(command.get_help(ctx))
     ctx.exit()
 
@@ -441,7 +459,7 @@ def write_examples(formatter: click.HelpFormatter, examples: Sequence[str]) -> N
 
 
 def flags_of(command: click.Command) -> dict[str, click.Option]:
-    """Flags of a command by each way to write them, ``--help`` left out."""
+    """Give the flags of a command by each way to write them, ``--help`` left out."""
     return {
         written: param
         for param in command.params
@@ -461,9 +479,7 @@ def flag_records(command: click.Command, ctx: click.Context) -> list[tuple[str, 
     ]
 
 
-def flag_items(
-    command: click.Command, ctx: click.Context, incomplete: str
-) -> list[CompletionItem]:
+def flag_items(command: click.Command, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
     """Complete a flag that was not given yet."""
     given = set(ctx.meta.get(FLAGS, []))
     return [
@@ -622,8 +638,10 @@ class _Words:
             return f"{word} wants a value: write {word}=..., {known[word].allowed()}"
         meant = [f"{s.word}={word}" for s in known.values()
                  if isinstance(s.type, click.Choice) and word in s.type.choices]  # fmt: skip
-        hint = f" (did you mean {' or '.join(meant[:NEAREST])}?)" if meant else suggest(
-            word, known, NEAREST
+        hint = (
+            f" (did you mean {' or '.join(meant[:NEAREST])}?)"
+            if meant
+            else suggest(word, known, NEAREST)
         )
         return (
             f"{name} has no use for {word!r}{hint}: options are written option=value; "

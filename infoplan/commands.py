@@ -78,9 +78,7 @@ class Seeds(click.ParamType):
         return seed_list(read)
 
 
-RESULTS = setting(
-    "results_dir", UserPath(folder=True), "folder of the tables", default="results"
-)
+RESULTS = setting("results_dir", UserPath(folder=True), "folder of the tables", default="results")
 
 
 def run_setting(doc: str) -> Any:
@@ -142,7 +140,8 @@ def run(overrides: list[str]) -> int:
     """Run a study."""
     from infoplan.hydra_front import run
 
-    return run(overrides)
+    # Hydra's page about itself composes nothing, and would stumble over overrides.
+    return run(["--hydra-help"] if "--hydra-help" in overrides else overrides)
 
 
 @infoplan.command(
@@ -490,9 +489,7 @@ def _enter(arguments: list[str]) -> int:
         return int(infoplan.invoke(ctx) or 0)
 
 
-def _study(
-    results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]
-) -> "Selection":
+def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> "Selection":
     """Find the study that options of runs choose."""
     from infoplan.analyse.tables import find_study
 
@@ -515,5 +512,3 @@ def _complete(ctx: click.Context, text: str | None) -> None:
 
     serve(infoplan, text)
     ctx.exit()
-
-

@@ -18,9 +18,6 @@ from infoplan.wording import harmless, suggest
 
 ACTIONS = ("install", "uninstall", "query")
 
-BREAKS = " \t\n\"'><=;|&(:"
-"""Where bash begins a new word, if it does not say otherwise in ``COMP_WORDBREAKS``."""
-
 BASH = """\
 _infoplan_completion() {
     local line="${COMP_LINE:0:COMP_POINT}" reply
@@ -162,7 +159,7 @@ class Bash(_Shell):
 
     def breaks(self) -> str:
         """Characters after which the shell begins a new word of its own."""
-        return os.environ.get("COMP_WORDBREAKS", BREAKS)
+        return os.environ.get("COMP_WORDBREAKS", "")
 
     def format_completion(self, item: CompletionItem) -> str:
         """Give the rest of the word, and a space if it is finished."""
@@ -217,7 +214,7 @@ def serve(cli: click.Command, text: str) -> None:
         near = suggest(action, ACTIONS) if action not in ACTIONS else suggest(name, SHELLS)
         raise UsageError(
             f"-sc {text} is not possible{near}: use install=, uninstall= or query= with "
-            f"{', '.join(SHELLS)}, as in eval \"$(infoplan -sc install=bash)\""
+            f'{", ".join(SHELLS)}, as in eval "$(infoplan -sc install=bash)"'
         )
     if action == "install":
         sys.stdout.write(SHELLS[name].source_template)

@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -31,7 +31,6 @@ PATHS = ("results_dir", "scheduler", "terrain.path")
 """Options that are paths."""
 
 MULTIRUN = ("-m", "--multirun")
-
 
 
 class Value(click.ParamType):
@@ -73,9 +72,7 @@ class Value(click.ParamType):
                 return float(text)
             return yaml.safe_load(text)
         except (ValueError, yaml.YAMLError) as error:
-            raise UsageError(
-                f"{param.word}={text} cannot be read: it is {self.words}"
-            ) from error
+            raise UsageError(f"{param.word}={text} cannot be read: it is {self.words}") from error
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
         """Offer the choices, or files."""
@@ -220,7 +217,7 @@ def terrain_settings(given: Mapping[str, Any]) -> list[Setting]:
 def write_run_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> None:
     """Write all options of ``infoplan run``, the current choice of each group first."""
     current = chosen(given)
-    with formatter.section("Choices (group=choice), the current one first"):
+    with formatter.section("Choices, the current one first"):
         for group in GROUPS:
             names = [current[group], *(name for name in GROUPS[group] if name != current[group])]
             _write_choice(formatter, group, names)
@@ -260,7 +257,7 @@ def write_group(
 def write_replay_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> None:
     """Write what a replay may change."""
     current = chosen(given)
-    with formatter.section("Choices (group=choice); without them the run's own stay"):
+    with formatter.section("Choices; without them the run's own stay"):
         for group in ("detector", "model"):
             _write_choice(formatter, group, [*GROUPS[group]])
     settings = {s.word: s for s in replay_settings({}) if s.word == "planner.smoothing"}
@@ -392,7 +389,10 @@ def _write_own_function(
     first = doc.splitlines()[0].rstrip(".") if doc else "no docstring"
     with formatter.section(f"{group}.function={path}"):
         formatter.write_text(first)
-        formatter.write_dl(records)
+        if records:
+            formatter.write_dl(records)
+        else:
+            formatter.write_text("It has no options: no keyword-only parameters.")
 
 
 def parameter_docs(docstring: str) -> dict[str, str]:

@@ -110,11 +110,11 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     **filters
         One of `LABELS` or an option of the configuration (``**{"planner.exploration": 0.5}``), and
         its value, or a list of which any will do. A run may be named by its hash alone, or by the
-        beginning of either; the terrain ``file`` is any that was read from a user's file. Without ``terrain`` it is helens if that
-        is there. None filters nothing, and a run without the option (NONE has no contamination)
-        passes. Replays are left out where there are flown missions, unless ``run``, ``method`` (as
-        ``REPLAY-UCT-NONE``) or ``replay``, the name of the run that was flown or True for any, asks
-        for them.
+        beginning of either; the terrain ``file`` is any that was read from a user's file. Without
+        ``terrain`` it is helens if that is there. None filters nothing, and a run without the
+        option (NONE has no contamination) passes. Replays are left out where there are flown
+        missions, unless ``run``, ``method`` (as ``REPLAY-UCT-NONE``) or ``replay``, the name of the
+        run that was flown or True for any, asks for them.
 
     Returns
     -------

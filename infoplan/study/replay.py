@@ -103,9 +103,7 @@ def find_source(results_dir: Path, named: str) -> Source:
         If its configuration does not fit this version, or none of its missions is whole.
     """
     name = find_run(results_dir, named)
-    missions = {
-        seed: inspect(results_dir, name, seed) for seed in list_missions(results_dir)[name]
-    }
+    missions = {seed: inspect(results_dir, name, seed) for seed in list_missions(results_dir)[name]}
     done = {seed: mission for seed, mission in missions.items() if mission.state == "done"}
     if not done:
         broken = next(iter(missions.values()))
