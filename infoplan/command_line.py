@@ -189,7 +189,7 @@ class Command(click.Command):
     examples
         Command lines that work.
     more
-        What it takes of the options of configurations.
+        Gives what it takes of the options of configurations; called only when that is needed.
     """
 
     context_class = Context
@@ -198,12 +198,17 @@ class Command(click.Command):
         self,
         *arguments: Any,
         examples: Sequence[str] = (),
-        more: More | None = None,
+        more: Callable[[], More] | None = None,
         **attributes: Any,
     ):
         attributes |= {"context_settings": {"help_option_names": list(HELP)}}
         super().__init__(*arguments, **attributes)
-        self.examples, self.more = examples, more
+        self.examples, self._more = examples, more
+
+    @property
+    def more(self) -> More | None:
+        """What it takes of the options of configurations."""
+        return self._more() if self._more else None
 
     @property
     def settings(self) -> list[Setting]:
@@ -290,7 +295,9 @@ class Group(click.Group):
                 click.echo(self.get_help(ctx))
                 ctx.exit(0 if args else 2)
             if first.startswith("-"):
-                known_flag(self, first)
+                flag = known_flag(self, first)
+                if not flag.is_flag and first in flag.opts and len(args) == 1:
+                    raise UsageError(f"{first} wants a value: {flag.metavar} ({flag.help})")
         return super().parse_args(ctx, args)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
@@ -605,7 +612,8 @@ class _Words:
         if not equals:
             follows = rest and (not optional or rest[0] in optional)
             if not follows and not (optional or self.lenient):
-                raise UsageError(f"{name} wants a value: {allowed(flag.type)} ({flag.help})")
+                value = flag.metavar or allowed(flag.type)
+                raise UsageError(f"{name} wants a value: {value} ({flag.help})")
             text = rest.pop(0) if follows else ""
             passed += [text] if follows else []
         choices = getattr(flag.type, "choices", optional)

@@ -6,11 +6,11 @@ completion stay quick.
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import yaml
 from click.shell_completion import CompletionItem
 
 from infoplan.command_line import (
@@ -24,10 +24,10 @@ from infoplan.command_line import (
     setting,
 )
 from infoplan.errors import UsageError
-from infoplan.run_options import FILTERS, LEADERBOARD, REPLAY, RUN, STATUS, TERRAIN
 
 if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
+    from infoplan.command_line import More
 
 FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
 
@@ -62,6 +62,16 @@ class RunName(click.ParamType):
         ]
 
 
+class FigureName(click.ParamType):
+    """A figure of the paper."""
+
+    name, words = "figure", f"{', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        """Offer the figures."""
+        return [CompletionItem(name) for name in FIGURES if name.startswith(incomplete)]
+
+
 class Seeds(click.ParamType):
     """A number of seeds, or a list of them."""
 
@@ -69,6 +79,8 @@ class Seeds(click.ParamType):
 
     def convert(self, value: Any, param: Any, ctx: Any) -> list[int]:
         """Read them."""
+        import yaml
+
         from infoplan.config import seed_list
 
         try:
@@ -81,9 +93,31 @@ class Seeds(click.ParamType):
 RESULTS = setting("results_dir", UserPath(folder=True), "folder of the tables", default="results")
 
 
+def options_of(what: str) -> "Callable[[], More]":
+    """Declare which options of configurations a command takes, read when they are needed."""
+
+    def load() -> "More":
+        from infoplan import run_options
+
+        found: More = getattr(run_options, what)
+        return found
+
+    return load
+
+
 def run_setting(doc: str) -> Any:
     """Declare which run a command is about: ``run=`` or a word alone."""
     return setting("run", RunName(), doc, bare=1)
+
+
+def completion_flag(hidden: bool = False) -> Any:
+    """Declare the flag that shells and their users ask for completion with."""
+    return click.option(
+        "-sc", "--shell-completion", metavar="install=SHELL", expose_value=False, is_eager=True,
+        hidden=hidden, callback=lambda ctx, _, text: _complete(ctx, text),
+        help="completion in bash, zsh or fish: eval \"$(infoplan -sc install=bash)\"; also "
+             "uninstall=",
+    )  # fmt: skip
 
 
 def config_flags(function: Any) -> Any:
@@ -103,12 +137,7 @@ def config_flags(function: Any) -> Any:
     examples=["infoplan run planner=puct detector=copod rho=0.1",
               "infoplan run -m planner=uct,puct rho=0.05,0.1", "infoplan help run"],
 )  # fmt: skip
-@click.option(
-    "-sc", "--shell-completion", metavar="install=SHELL",
-    expose_value=False, is_eager=True,
-    callback=lambda ctx, _, text: _complete(ctx, text),
-    help="completion in bash, zsh or fish: eval \"$(infoplan -sc install=bash)\"; also uninstall=",
-)  # fmt: skip
+@completion_flag()
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True,
               callback=lambda ctx, _, asked: _version(ctx, asked),
               help="tell the version")  # fmt: skip
@@ -117,7 +146,7 @@ def infoplan() -> None:
 
 
 @infoplan.command(
-    "run", cls=Command, more=RUN,
+    "run", cls=Command, more=options_of("RUN"),
     help="Run one configuration with all its seeds, or with -m every combination of values.",
     examples=["infoplan run planner=puct detector=copod rho=0.1",
               "infoplan run -m planner=uct,puct rho=0.05,0.1",
@@ -134,8 +163,7 @@ def infoplan() -> None:
 @config_flags
 @hydra_flag("--experimental-rerun", help="Hydra's: run what a pickle file holds")
 @hydra_flag("--hydra-help", is_flag=True, help="tell about Hydra")
-@click.option("-sc", "--shell-completion", expose_value=False, hidden=True,
-              callback=lambda ctx, _, text: _complete(ctx, text))  # fmt: skip
+@completion_flag(hidden=True)
 def run(overrides: list[str]) -> int:
     """Run a study."""
     from infoplan.hydra_front import run
@@ -145,7 +173,7 @@ def run(overrides: list[str]) -> int:
 
 
 @infoplan.command(
-    "replay", cls=Command, more=REPLAY,
+    "replay", cls=Command, more=options_of("REPLAY"),
     help="Put a stored run's samples through another detector or model.",
     examples=["infoplan replay puct-none-helens detector=best seeds=2"],
 )  # fmt: skip
@@ -184,7 +212,7 @@ def replay(
 
 
 @infoplan.command(
-    "status", cls=Command, more=STATUS,
+    "status", cls=Command, more=options_of("STATUS"),
     help="What is done, failed and missing, of all stored runs or of a study.",
     examples=["infoplan status", "infoplan status experiment=fig5 seeds=20"],
 )  # fmt: skip
@@ -202,11 +230,11 @@ def status(run: str | None, results_dir: Path, as_json: bool, overrides: list[st
 
 
 @infoplan.command(
-    "figures", cls=Command, more=FILTERS,
+    "figures", cls=Command, more=options_of("FILTERS"),
     help="Draw the paper's figures from stored results.",
     examples=["infoplan figures fig5 fig7 seed=1"],
 )  # fmt: skip
-@setting("figure", click.Choice(FIGURES), "which; all if none is named", default=(), bare=-1,
+@setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
          named=False)  # fmt: skip
 @RESULTS
 @setting("run", RunName(), "one run, or a list of them, alone")
@@ -237,7 +265,7 @@ def figures(
 
 
 @infoplan.command(
-    "claims", cls=Command, more=FILTERS,
+    "claims", cls=Command, more=options_of("FILTERS"),
     help="Judge the paper's claims by stored results.",
     examples=["infoplan claims terrain=helens --markdown"],
 )  # fmt: skip
@@ -272,7 +300,7 @@ def claims(
 
 
 @infoplan.command(
-    "report", cls=Command, more=FILTERS,
+    "report", cls=Command, more=options_of("FILTERS"),
     help="Write curves, claims and maps as one HTML page.",
     examples=["infoplan report terrain=volcano"],
 )  # fmt: skip
@@ -304,7 +332,7 @@ def show(run: str | None, results_dir: Path) -> int:
 
 
 @infoplan.command(
-    "leaderboard", cls=Command, more=LEADERBOARD,
+    "leaderboard", cls=Command, more=options_of("LEADERBOARD"),
     help="Rank methods over maps and outlier shares.",
     examples=["infoplan leaderboard terrain=[volcano,jacksboro] --markdown"],
 )  # fmt: skip
@@ -408,7 +436,7 @@ def list_terrains() -> int:
 
 
 @terrain.command(
-    "show", cls=Command, more=TERRAIN,
+    "show", cls=Command, more=options_of("TERRAIN"),
     help="Print a map's statistics and draw it with the pilot path.",
     examples=["infoplan terrain show terrain=random_field terrain.seed=4"],
 )  # fmt: skip

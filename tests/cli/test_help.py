@@ -11,8 +11,10 @@ from command import infoplan
 
 from infoplan.cli import main
 from infoplan.command_line import Command
+from infoplan.commands import FIGURES
 from infoplan.commands import infoplan as commands
 from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, options
+from infoplan.draw.figures import NAMES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -177,7 +179,7 @@ MISTAKES = {
     "run planner": "planner wants a value: write planner=..., uct, puct, weighted",
     "run rhoo=0.1": "there is no option 'rhoo' (did you mean 'rho'",
     "figures sed=1": "infoplan figures has no option 'sed' (did you mean 'seed'",
-    "figures fig9": "figure=",
+    "figures fig9": "there is no figure 'fig9'",
     "figures seed=x": "seed=x is not possible: it must be a whole number, at least 0",
     "figures --results_dir=x": "--results_dir=x is written without dashes here: results_dir=x",
     "claims planner.explorration=1": "(did you mean 'planner.exploration'",
@@ -258,3 +260,7 @@ def test_a_terminal_of_few_letters_gets_escapes(tmp_path):
     folder.mkdir()
     done = infoplan("status", f"results_dir={folder}", env={"PYTHONIOENCODING": "ascii"})
     assert "H\\xf6hen" in done.stdout
+
+
+def test_the_declared_figures_are_those_that_are_drawn():
+    assert FIGURES == NAMES

@@ -3,22 +3,21 @@
 import json
 
 import pytest
-import small_study
+from flown import short_mission, store
 
 from infoplan.cli import main
 from infoplan.errors import UsageError
 from infoplan.study.run_names import choose_run, find_run, stored_runs
-
-COPOD = [("uct", "copod", 0.1, "batch"), ("puct", "copod", 0.1, "batch")]
 
 RUNS = ("puct-copod-helens-rho0.1-batch-1a2b3c4d", "puct-copod-helens-rho0.15-batch-1a2bffff",
         "uct-none-helens-rho0.1-batch-00001111")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, volcano):
     folder = tmp_path_factory.mktemp("named")
-    small_study.store(folder, COPOD, seeds=[0])
+    for planner in ("uct", "puct"):
+        store(folder, short_mission(planner), volcano)
     return folder
 
 
