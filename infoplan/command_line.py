@@ -569,7 +569,7 @@ class _Words:
     """
 
     def __init__(self, command: Command, ctx: click.Context, args: Sequence[str]):
-        self.command, self.lenient = command, ctx.resilient_parsing
+        self.command, self.path, self.lenient = command, ctx.command_path, ctx.resilient_parsing
         self.flags: list[str] = []
         self.given: dict[str, Any] = {}
         self.overrides: list[str] = []
@@ -635,10 +635,9 @@ class _Words:
             raise UsageError(self._too_many(words, taker))
 
     def _too_many(self, words: list[str], taker: Setting | None) -> str:
-        name = f"infoplan {self.command.name}"
         if taker and all("=" not in word for word in words):
             named = [self.given[taker.word], *words] if taker.word in self.given else words
-            return f"{name} takes one {taker.word}, not {len(named)}: {' and '.join(named)}"
+            return f"{self.path} takes one {taker.word}, not {len(named)}: {' and '.join(named)}"
         word = words[0]
         known = {s.word: s for s in self.command.settings if s.named}
         known |= {s.word: s for s in self.command.more.settings({})} if self.command.more else {}
@@ -652,8 +651,8 @@ class _Words:
             else suggest(word, known, NEAREST)
         )
         return (
-            f"{name} has no use for {word!r}{hint}: options are written option=value; "
-            f"{name} --help lists them"
+            f"{self.path} has no use for {word!r}{hint}: options are written option=value; "
+            f"{self.path} --help lists them"
         )
 
     def _undeclared(self, words: list[str], own: dict[str, Setting]) -> None:
@@ -668,7 +667,7 @@ class _Words:
                 also = f", and {more.documented}" if more else ""
                 takes = ", ".join([*(f"{s}=" for s in own), *flags_of(self.command)]) or "none"
                 raise UsageError(
-                    f"infoplan {self.command.name} has no option {name!r}"
+                    f"{self.path} has no option {name!r}"
                     f"{suggest(name, known, NEAREST)}: it takes {takes}{also}"
                 )
 

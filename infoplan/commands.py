@@ -222,11 +222,17 @@ def replay(
 @hydra_flag("-m", "--multirun", is_flag=True,
             help="a study of all values: a status always is")  # fmt: skip
 @config_flags
-def status(run: str | None, results_dir: Path, as_json: bool, overrides: list[str]) -> int:
+@click.pass_context
+def status(
+    ctx: click.Context, run: str | None, results_dir: Path, as_json: bool, overrides: list[str]
+) -> int:
     """Look at a results folder."""
     from infoplan.study.status import status
 
-    return status(results_dir, overrides, run=run, as_json=as_json)
+    study = [word for word in overrides if word not in ("-m", "--multirun")]
+    if study and "results_dir" in ctx.meta[GIVEN]:
+        study.append(f"results_dir={ctx.meta[GIVEN]['results_dir']}")
+    return status(results_dir, study, run=run, as_json=as_json)
 
 
 @infoplan.command(

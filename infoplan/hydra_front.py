@@ -335,7 +335,7 @@ def _no_option(name: str) -> str:
             f"the chosen {group} has no option {name!r}: infoplan run --cfg job shows what it has"
         )
     return (
-        f"there is no option {name!r}{suggest(name, [*known, *SCHEMAS, 'experiment'])}: "
+        f"there is no option {name!r}{suggest(name, [*known, *SCHEMAS, 'experiment'], 3)}: "
         "infoplan run --help lists all"
     )
 

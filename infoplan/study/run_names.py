@@ -39,13 +39,7 @@ def find_run(results_dir: Path, text: str) -> str:
     UsageError
         If it stands for none, or for several.
     """
-    runs = stored_runs(results_dir)
-    if not runs:
-        raise UsageError(
-            f"run={text} is not stored in {results_dir}, which holds no finished mission: fly one "
-            "with infoplan run, or name another results_dir="
-        )
-    return choose_run(text, runs, str(results_dir))
+    return choose_run(text, stored_runs(results_dir), str(results_dir))
 
 
 def choose_run(text: str, runs: Iterable[str], where: str) -> str:
@@ -61,6 +55,11 @@ def choose_run(text: str, runs: Iterable[str], where: str) -> str:
         What holds them, for messages.
     """
     names = sorted(set(runs))
+    if not names:
+        raise UsageError(
+            f"run={text} is not stored in {where}, which holds no finished mission: fly one with "
+            "infoplan run, or name another results_dir="
+        )
     hashes = {name: name.rpartition("-")[2] for name in names}
     exact = [name for name in names if text in (name, hashes[name])]
     begun = [

@@ -20,9 +20,6 @@ from infoplan.study.runner import check_study, identify_study
 from infoplan.study.store import inspect, list_failures, list_foreign, list_missions
 from infoplan.study.summary import spans, wide_console
 
-MULTIRUN = ("-m", "--multirun")
-"""A status is always one of all values, with the flag or without it."""
-
 
 @dataclass
 class RunStatus:
@@ -102,8 +99,7 @@ def status(
     UsageError
         If there is no such folder, no such run, or the overrides are wrong.
     """
-    rest = [override for override in overrides if override not in MULTIRUN]
-    if not rest:
+    if not overrides:
         found = look_at_all(results_dir)
         if run is not None:
             name = choose_run(run, [one.run for one in found.runs], str(results_dir))
@@ -113,7 +109,7 @@ def status(
         return 0
     if run is not None:
         raise UsageError(
-            f"run={run} and {rest[0]} ask for two things: name a stored run, or describe a study"
+            f"run={run} and {overrides[0]} ask for two things: name a stored run, or describe a study"
         )
     from infoplan.hydra_front import compose_and
 
@@ -125,7 +121,7 @@ def status(
         _print(look(study.results_dir, wanted), as_json)
         return 0, [float("nan")] * len(configs)
 
-    return compose_and(act, [MULTIRUN[0], *rest])
+    return compose_and(act, ["-m", *overrides])
 
 
 def look_at_all(results_dir: Path) -> Status:

@@ -1,5 +1,6 @@
 """Help after every command, and what is said about words that no command knows."""
 
+import json
 import os
 import subprocess
 import sys
@@ -196,7 +197,7 @@ MISTAKES = {
     "replay x resume=perhaps": "resume=perhaps is not possible: it must be true or false",
     "terrain": "Usage: infoplan terrain",
     "terrain shw": "there is no command 'shw' (did you mean 'show'?): use list, show, fetch",
-    "terrain fetch now": "infoplan fetch has no use for 'now'",
+    "terrain fetch now": "infoplan terrain fetch has no use for 'now'",
     "terrain show rho=1": "has no option 'rho': it takes results_dir=, and terrain= with",
     "status jso": "run=jso",
 }
@@ -221,6 +222,17 @@ def test_a_flag_may_be_anywhere_and_options_in_any_order(tmp_path, monkeypatch, 
     for words in (["--json", "results_dir=2024_11_25"], ["results_dir=2024_11_25", "--json"]):
         assert main(["status", *words]) == 0
         assert '"results_dir": "2024_11_25"' in capfd.readouterr().out
+
+
+def test_the_status_of_a_study_is_that_of_the_folder_that_is_named(tmp_path, capfd):
+    for words in (["rho=0.1"], ["-m", "rho=0.1"], ["rho=0.1", "-m"]):
+        study = ["terrain=volcano", "seeds=2", f"results_dir={tmp_path / 'there'}", "--json"]
+        assert main(["status", *words, *study]) == 0
+        said = json.loads(capfd.readouterr().out)
+        assert said["results_dir"] == str(tmp_path / "there")
+        assert [run["missing"] for run in said["runs"]] == [[0, 1]]
+    assert main(["status", "puct", "rho=0.1"]) == 2
+    assert "ask for two things" in capfd.readouterr().err
 
 
 def test_python_m_infoplan_is_the_command():
