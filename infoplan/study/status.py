@@ -109,7 +109,8 @@ def status(
         return 0
     if run is not None:
         raise UsageError(
-            f"run={run} and {overrides[0]} ask for two things: name a stored run, or describe a study"
+            f"run={run} and {overrides[0]} ask for two things: name a stored run, or describe a "
+            "study"
         )
     from infoplan.hydra_front import compose_and
 
