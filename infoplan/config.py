@@ -726,12 +726,18 @@ def check_options(config: object, prefix: str = "") -> None:
 
 
 def describe(metadata: dict[str, Any]) -> str:
+    """Say what values an option takes and what it is, from the metadata that `options` yields."""
+    return f"{allowed(metadata)} ({metadata['doc']})"
+
+
+def allowed(metadata: dict[str, Any]) -> str:
     """Say what values an option takes, from the metadata that `options` yields."""
     kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
     words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
     if metadata["choices"]:
         listed = "a list of " if "list" in str(metadata["type"]) else ""
         described = listed + _either(metadata["choices"])
+        described += " or a whole number" if metadata["bounds"] else ""
     elif "dict" in str(metadata["type"]):
         described = "a mapping like {name: value}"
     elif "list" in str(metadata["type"]):
@@ -744,7 +750,7 @@ def describe(metadata: dict[str, Any]) -> str:
     if metadata["bounds"]:
         described += f", {_bounds(metadata)}"
     unit = f" in {metadata['unit']}" if metadata["unit"] else ""
-    return f"{described}{unit} ({metadata['doc']})"
+    return f"{described}{unit}"
 
 
 def plain_number(value: float) -> str:

@@ -15,7 +15,7 @@ import shutil
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stderr
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from dataclasses import fields, is_dataclass
 from datetime import datetime
 from pathlib import Path
@@ -215,21 +215,14 @@ def compose_terrain(overrides: list[str]) -> TerrainConfig:
     return compose(overrides).terrain
 
 
-def complete(arguments: list[str]) -> int:
-    """Serve shell completion: the command word goes, the rest is Hydra's."""
-    line = os.environ.get("COMP_LINE", "")
-    words = line.split(" ")
-    if len(words) > 1 and words[1] == "run":
-        os.environ["COMP_LINE"] = " ".join([words[0], *words[2:]])
-        if "COMP_POINT" in os.environ:
-            os.environ["COMP_POINT"] = str(max(0, int(os.environ["COMP_POINT"]) - len("run ")))
-        return run(arguments)
-    if "query=" in " ".join(arguments) and len(words) > 1:
-        from infoplan.cli import COMMANDS
-
-        print("\n".join(name for name in COMMANDS if name.startswith(words[1])))
-        return 0
-    return run(arguments)
+def complete(incomplete: str) -> list[str]:
+    """Complete a word of ``infoplan run`` that is Hydra's own, like ``hydra/launcher=``."""
+    line = f"infoplan {incomplete}"
+    told = io.StringIO()
+    os.environ |= {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    with redirect_stdout(told):
+        run(["-sc", "query=bash"])
+    return told.getvalue().split()
 
 
 def register() -> None:
@@ -775,7 +768,7 @@ def _no_option(name: str) -> str:
             f"the chosen {group} has no option {name!r}: infoplan run --cfg job shows what it has"
         )
     return (
-        f"there is no option {name!r}{suggest(name, [*known, *SCHEMAS, 'experiment'])}: "
+        f"there is no option {name!r}{suggest(name, [*known, *SCHEMAS, 'experiment'], 3)}: "
         "infoplan run --help lists all"
     )
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from infoplan.config import MissionConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.study.run_names import choose_run
 from infoplan.wording import suggest
 
 DEFAULT_TERRAIN = "helens"
@@ -108,12 +109,12 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
         Folder of the result tables.
     **filters
         One of `LABELS` or an option of the configuration (``**{"planner.exploration": 0.5}``), and
-        its value, or a list of which any will do. A run may be named by its hash alone; the terrain
-        ``file`` is any that was read from a user's file. Without ``terrain`` it is helens if that
-        is there. None filters nothing, and a run without the option (NONE has no contamination)
-        passes. Replays are left out where there are flown missions, unless ``run``, ``method`` (as
-        ``REPLAY-UCT-NONE``) or ``replay``, the name of the run that was flown or True for any, asks
-        for them.
+        its value, or a list of which any will do. A run may be named by its hash alone, or by the
+        beginning of either; the terrain ``file`` is any that was read from a user's file. Without
+        ``terrain`` it is helens if that is there. None filters nothing, and a run without the
+        option (NONE has no contamination) passes. Replays are left out where there are flown
+        missions, unless ``run``, ``method`` (as ``REPLAY-UCT-NONE``) or ``replay``, the name of the
+        run that was flown or True for any, asks for them.
 
     Returns
     -------
@@ -351,6 +352,10 @@ def _filtered(
             f"{name}={wanted} chooses nothing{suggest(name, known)}: use {', '.join(LABELS)} or "
             "an option of the runs"
         )
+    if name == "run":
+        listed = [wanted] if isinstance(wanted, str) else list(wanted)
+        runs = [choose_run(str(text), missions["run"], "the results") for text in listed]
+        return missions[missions["run"].isin(runs)]
     kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
     if kept.empty:
         raise UsageError(
@@ -370,8 +375,6 @@ def _answers(row: dict[str, Any], options: dict[str, Options], name: str, wanted
     # An option may be a list itself; a list of lists then offers several.
     several = isinstance(wanted, list | tuple | set) and not isinstance(value, list)
     choices = list(wanted) if several else [wanted]
-    if name == "run":
-        return any(value == choice or value.endswith(f"-{choice}") for choice in choices)
     if name == "method":
         return value in [str(choice).upper() for choice in choices]
     if name == "terrain" and "file" in choices and value.startswith("file-"):

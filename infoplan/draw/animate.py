@@ -22,6 +22,7 @@ from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.study.identity import config_from_science
+from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import read_footer, read_table, table_path
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
@@ -180,7 +181,7 @@ def choose_run(results_dir: Path, run: str | None) -> str:
     results_dir
         The folder of the tables.
     run
-        Name of a stored run, or its hash alone; None: the only run, else the paper's own method
+        A stored run, as `find_run` takes it; None: the only run, else the paper's own method
         (PUCT-COPOD at rho 0.1 and scope batch), if only one run is such.
 
     Raises
@@ -188,8 +189,7 @@ def choose_run(results_dir: Path, run: str | None) -> str:
     UsageError
         If it is not stored, or several could be meant.
     """
-    curves = results_dir.glob("curves/run=*/seed=*.parquet")
-    stored = sorted({path.parent.name.removeprefix("run=") for path in curves})
+    stored = stored_runs(results_dir)
     if not stored:
         raise UsageError(
             f"results_dir={results_dir} holds no finished mission to animate: fly one with "
@@ -204,10 +204,7 @@ def choose_run(results_dir: Path, run: str | None) -> str:
                 f"run={' or run='.join(candidates or stored)}"
             )
         return candidates[0]
-    named = [name for name in stored if name == run or name.endswith(f"-{run}")]
-    if len(named) != 1:
-        raise UsageError(f"run={run} is not stored in {results_dir}: use {' or '.join(stored)}")
-    return named[0]
+    return find_run(results_dir, run)
 
 
 def read_recording(results_dir: Path, run: str, seed: int) -> Recording:

@@ -29,6 +29,7 @@ from infoplan.study.flight import Outcome, Task, failed
 from infoplan.study.identity import Run, config_from_science, digest, identify
 from infoplan.study.locks import Lock, NoLocksError, acquire
 from infoplan.study.provenance import git_state, provenance
+from infoplan.study.run_names import find_run
 from infoplan.study.store import (
     build_tables,
     inspect,
@@ -93,7 +94,7 @@ class Replay:
 
 
 def find_source(results_dir: Path, named: str) -> Source:
-    """Find the stored run that a name, or the hash at its end, stands for.
+    """Find the stored run that a name, a hash, or the beginning of either stands for.
 
     Raises
     ------
@@ -102,21 +103,14 @@ def find_source(results_dir: Path, named: str) -> Source:
     RunError
         If its configuration does not fit this version, or none of its missions is whole.
     """
-    stored = list_missions(results_dir)
-    found = [run for run in sorted(stored) if named in (run, run.rpartition("-")[2])]
-    if len(found) != 1:
-        listed = ", ".join(sorted(stored)) or "none"
-        raise UsageError(
-            f"{len(found) or 'no'} stored run{'s' * (len(found) > 1)} in results_dir={results_dir} "
-            f"answer{'s' * (not found)} to {named!r}: name one, or its hash; there is {listed}"
-        )
-    missions = {seed: inspect(results_dir, found[0], seed) for seed in stored[found[0]]}
+    name = find_run(results_dir, named)
+    missions = {seed: inspect(results_dir, name, seed) for seed in list_missions(results_dir)[name]}
     done = {seed: mission for seed, mission in missions.items() if mission.state == "done"}
     if not done:
         broken = next(iter(missions.values()))
-        raise RunError(broken.reason or f"{found[0]} has gone meanwhile: run it again")
+        raise RunError(broken.reason or f"{name} has gone meanwhile: run it again")
     science = next(iter(done.values())).footer["configuration"]
-    return Source(found[0], config_from_science(science), science, list(done))
+    return Source(name, config_from_science(science), science, list(done))
 
 
 def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> MissionConfig:

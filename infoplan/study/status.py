@@ -1,6 +1,7 @@
 """``infoplan status``: what of a study, or of all stored runs, is done, failed, missing."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,10 @@ from infoplan.config import Config
 from infoplan.errors import UsageError
 from infoplan.study.estimate import duration
 from infoplan.study.locks import list_held
+from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study
 from infoplan.study.store import inspect, list_failures, list_foreign, list_missions
 from infoplan.study.summary import spans, wide_console
-
-JSON = "--json"
-MULTIRUN = ("-m", "--multirun")
-"""A status is always one of all values, with the flag or without it."""
 
 
 @dataclass
@@ -70,27 +68,50 @@ class Status:
     problems: list[str]
 
 
-def status(arguments: list[str]) -> int:
+def status(
+    results_dir: Path,
+    overrides: Sequence[str] = (),
+    *,
+    run: str | None = None,
+    as_json: bool = False,
+) -> int:
     """Run ``infoplan status``.
 
     Parameters
     ----------
-    arguments
-        ``--json``, and overrides as of ``infoplan run -m``. Without any but ``results_dir=``, all
-        stored runs are shown, with the seeds of all of them as those wanted of each.
+    results_dir
+        The folder of the tables.
+    overrides
+        As of ``infoplan run -m``: the study that is looked at. Without any, all stored runs are,
+        with the seeds of all of them as those wanted of each.
+    run
+        One stored run, as `infoplan.study.run_names` finds it.
+    as_json
+        Write it for scripts.
 
     Returns
     -------
     int
         0, whatever is done or missing.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, no such run, or the overrides are wrong.
     """
-    as_json = JSON in arguments
-    overrides = [argument for argument in arguments if argument != JSON]
-    chosen = [override for override in overrides if not override.startswith("results_dir=")]
-    if not chosen:
-        folder = [override.partition("=")[2] for override in overrides] or ["results"]
-        _print(look_at_all(Path(folder[-1]).expanduser()), as_json)
+    if not overrides:
+        found = look_at_all(results_dir)
+        if run is not None:
+            name = choose_run(run, [one.run for one in found.runs], str(results_dir))
+            found.runs = [one for one in found.runs if one.run == name]
+            found.problems = [problem for problem in found.problems if name in problem]
+        _print(found, as_json)
         return 0
+    if run is not None:
+        raise UsageError(
+            f"run={run} and {overrides[0]} ask for two things: name a stored run, or describe a "
+            "study"
+        )
     from infoplan.hydra_front import compose_and
 
     def act(configs: list[Config]) -> tuple[int, list[float]]:
@@ -101,8 +122,7 @@ def status(arguments: list[str]) -> int:
         _print(look(study.results_dir, wanted), as_json)
         return 0, [float("nan")] * len(configs)
 
-    rest = [override for override in overrides if override not in MULTIRUN]
-    return compose_and(act, [MULTIRUN[0], *rest])
+    return compose_and(act, ["-m", *overrides])
 
 
 def look_at_all(results_dir: Path) -> Status:

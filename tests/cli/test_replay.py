@@ -170,8 +170,8 @@ BAD = {
     "detector=none,best": "several values",
     "detector=none detector.contamination=0.2": "has no option",
     "seeds=[7]": "seeds=[7]",
-    "another": "takes one stored run",
-    "--json": "has no option '--json'",
+    "another": "takes one run, not 2",
+    "--json": "there is no flag '--json'",
 }
 
 
@@ -189,7 +189,7 @@ def test_bad_replays_are_one_sentence_and_status_2(flown, arguments, capfd):
 def test_a_run_that_is_not_there(flown, capfd):
     assert main(["replay", "nothing", "detector=best", f"results_dir={flown}"]) == 2
     said = capfd.readouterr().err
-    assert "no stored run" in said
+    assert "run=nothing is not stored" in said
     assert runs(flown)["puct-copod"] in said
     assert main(["replay"]) == 2
     assert "takes one stored run" in capfd.readouterr().err

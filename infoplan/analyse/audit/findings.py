@@ -36,6 +36,7 @@ from infoplan.analyse.audit.sensing import (
 from infoplan.analyse.audit.stored import FaultError, StoredMission, read_mission, stored_missions
 from infoplan.analyse.audit.tables import check_configuration, check_grid, check_rows, check_values
 from infoplan.errors import UsageError
+from infoplan.study.run_names import choose_run
 
 CHECKS: dict[str, Callable[[StoredMission], str]] = {
     "values": check_values,
@@ -101,7 +102,7 @@ def audit(
     results_dir
         The folder that holds ``runs``, ``curves``, ``samples`` and ``maps``.
     run
-        Name of a run; None for all.
+        Name of a run, its hash, or the beginning of either; None for all.
     seeds
         Seeds to look at; None for all.
     terrains
@@ -126,8 +127,7 @@ def audit(
         )
     runs = sorted({name for name, _ in stored})
     if run is not None:
-        if run not in runs:
-            raise UsageError(f"run={run} is not stored in {results_dir}: use {' or '.join(runs)}")
+        run = choose_run(run, runs, str(results_dir))
         stored = [(name, seed) for name, seed in stored if name == run]
     if seeds is not None:
         present = sorted({seed for _, seed in stored})

@@ -1,0 +1,548 @@
+"""All commands of the command line: each is declared here, once, beside the function it calls.
+
+A declaration gives the command's line of help, its options with type, default and unit, its flags,
+what it takes besides, and examples. Functions import what they need when they are called: help and
+completion stay quick.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from infoplan.command_line import (
+    GIVEN,
+    Command,
+    Group,
+    Number,
+    UserPath,
+    hydra_flag,
+    page_width,
+    setting,
+)
+from infoplan.errors import UsageError
+
+if TYPE_CHECKING:
+    from infoplan.analyse.tables import Selection
+    from infoplan.command_line import More
+
+FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
+
+INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
+
+EXIT_OK, EXIT_FAILED = 0, 1
+
+
+class RunName(click.ParamType):
+    """A stored run: its name, its hash, or the beginning of either."""
+
+    name, words = "run", "a run's name, its hash, or the beginning of either"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Take it as typed, several in brackets; nothing at all chooses nothing."""
+        if not isinstance(value, str):
+            return value
+        if value.startswith("[") and value.endswith("]"):
+            return [entry.strip() for entry in value[1:-1].split(",")]
+        return value or None
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        """Offer what is stored in the results folder that the line names."""
+        from infoplan.files import user_path
+        from infoplan.study.run_names import stored_runs
+
+        runs = stored_runs(user_path(ctx.meta[GIVEN].get("results_dir", "results")))
+        names = [CompletionItem(run) for run in runs if run.startswith(incomplete)]
+        hashes = [(run.rpartition("-")[2], run) for run in runs]
+        return names + [
+            CompletionItem(end, help=run) for end, run in hashes if end.startswith(incomplete)
+        ]
+
+
+class FigureName(click.ParamType):
+    """A figure of the paper."""
+
+    name, words = "figure", f"{', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        """Offer the figures."""
+        return [CompletionItem(name) for name in FIGURES if name.startswith(incomplete)]
+
+
+class Seeds(click.ParamType):
+    """A number of seeds, or a list of them."""
+
+    name, words = "seeds", "a count n (0 to n - 1), or a list like [0,3]"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> list[int]:
+        """Read them."""
+        import yaml
+
+        from infoplan.config import seed_list
+
+        try:
+            read = yaml.safe_load(value) if isinstance(value, str) else value
+        except yaml.YAMLError:
+            read = value
+        return seed_list(read)
+
+
+RESULTS = setting("results_dir", UserPath(folder=True), "folder of the tables", default="results")
+
+
+def options_of(what: str) -> "Callable[[], More]":
+    """Declare which options of configurations a command takes, read when they are needed."""
+
+    def load() -> "More":
+        from infoplan import run_options
+
+        found: More = getattr(run_options, what)
+        return found
+
+    return load
+
+
+def run_setting(doc: str) -> Any:
+    """Declare which run a command is about: ``run=`` or a word alone."""
+    return setting("run", RunName(), doc, bare=1)
+
+
+def completion_flag(hidden: bool = False) -> Any:
+    """Declare the flag that shells and their users ask for completion with."""
+    return click.option(
+        "-sc", "--shell-completion", metavar="install=SHELL", expose_value=False, is_eager=True,
+        hidden=hidden, callback=lambda ctx, _, text: _complete(ctx, text),
+        help="completion in bash, zsh or fish: eval \"$(infoplan -sc install=bash)\"; also "
+             "uninstall=",
+    )  # fmt: skip
+
+
+def config_flags(function: Any) -> Any:
+    """Declare Hydra's flags that say where configurations are found."""
+    for names, doc in (
+        (("-cd", "--config-dir"), "a further folder of configurations"),
+        (("-cn", "--config-name"), "another root configuration"),
+        (("-cp", "--config-path"), "another package of configurations"),
+    ):
+        function = hydra_flag(*names, help=doc)(function)
+    return function
+
+
+@click.group(
+    "infoplan", cls=Group, invoke_without_command=False,
+    help="Informative planning in the presence of outliers.",
+    examples=["infoplan run planner=puct detector=copod rho=0.1",
+              "infoplan run -m planner=uct,puct rho=0.05,0.1", "infoplan help run"],
+)  # fmt: skip
+@completion_flag()
+@click.option("--version", is_flag=True, expose_value=False, is_eager=True,
+              callback=lambda ctx, _, asked: _version(ctx, asked),
+              help="tell the version")  # fmt: skip
+def infoplan() -> None:
+    """Hold the commands."""
+
+
+@infoplan.command(
+    "run", cls=Command, more=options_of("RUN"),
+    help="Run one configuration with all its seeds, or with -m every combination of values.",
+    examples=["infoplan run planner=puct detector=copod rho=0.1",
+              "infoplan run -m planner=uct,puct rho=0.05,0.1",
+              "infoplan run -m experiment=fig5 --dry-run"],
+)  # fmt: skip
+@hydra_flag("-m", "--multirun", is_flag=True, help="run every combination of values")
+@hydra_flag("--dry-run", is_flag=True, help="list what would run, and about how long it takes")
+@hydra_flag("-c", "--cfg", type=click.Choice(["job", "hydra", "all"]),
+            help="show the configuration instead of running it")  # fmt: skip
+@hydra_flag("--resolve", is_flag=True, help="with --cfg: resolve references")
+@hydra_flag("-p", "--package", help="with --cfg: show this part alone")
+@hydra_flag("-i", "--info", optional=INFO, help="tell about the configuration's sources")
+@hydra_flag("-r", "--run", is_flag=True, help="run one configuration, as without -m")
+@config_flags
+@hydra_flag("--experimental-rerun", help="Hydra's: run what a pickle file holds")
+@hydra_flag("--hydra-help", is_flag=True, help="tell about Hydra")
+@completion_flag(hidden=True)
+def run(overrides: list[str]) -> int:
+    """Run a study."""
+    from infoplan.hydra_front import run
+
+    # Hydra's page about itself composes nothing, and would stumble over overrides.
+    return run(["--hydra-help"] if "--hydra-help" in overrides else overrides)
+
+
+@infoplan.command(
+    "replay", cls=Command, more=options_of("REPLAY"),
+    help="Put a stored run's samples through another detector or model.",
+    examples=["infoplan replay puct-none-helens detector=best seeds=2"],
+)  # fmt: skip
+@run_setting("which run's samples")
+@RESULTS
+@setting("seeds", Seeds(), "which seeds; all that are done if left out")
+@setting("n_jobs", click.INT, "missions at a time; -1: one a core", default=-1)
+@setting("resume", click.BOOL, "keep what was replayed already", default=True)
+def replay(
+    run: str | None,
+    results_dir: Path,
+    seeds: list[int] | None,
+    n_jobs: int,
+    resume: bool,
+    overrides: list[str],
+) -> int:
+    """Replay a run."""
+    from functools import partial
+
+    from infoplan.draw.replay_table import print_replay
+    from infoplan.study.replay import replay_run
+    from infoplan.study.summary import wide_console
+
+    if not isinstance(run, str):
+        raise UsageError(
+            "infoplan replay takes one stored run: infoplan replay <run> detector=best, where "
+            "<run> is its name or hash (infoplan status lists them)"
+        )
+    console = wide_console()
+    tell = partial(console.print, soft_wrap=True, markup=False)
+    done = replay_run(
+        results_dir, run, overrides, seeds=seeds, n_jobs=n_jobs, resume=resume, tell=tell
+    )
+    print_replay(done, results_dir, console)
+    return EXIT_FAILED if done.failed else EXIT_OK
+
+
+@infoplan.command(
+    "status", cls=Command, more=options_of("STATUS"),
+    help="What is done, failed and missing, of all stored runs or of a study.",
+    examples=["infoplan status", "infoplan status experiment=fig5 seeds=20"],
+)  # fmt: skip
+@run_setting("one stored run; without it, all of them, or the study that the options describe")
+@RESULTS
+@click.option("--json", "as_json", is_flag=True, help="write it for scripts")
+@hydra_flag("-m", "--multirun", is_flag=True,
+            help="a study of all values: a status always is")  # fmt: skip
+@config_flags
+@click.pass_context
+def status(
+    ctx: click.Context, run: str | None, results_dir: Path, as_json: bool, overrides: list[str]
+) -> int:
+    """Look at a results folder."""
+    from infoplan.study.status import status
+
+    study = [word for word in overrides if word not in ("-m", "--multirun")]
+    if study and "results_dir" in ctx.meta[GIVEN]:
+        study.append(f"results_dir={ctx.meta[GIVEN]['results_dir']}")
+    return status(results_dir, study, run=run, as_json=as_json)
+
+
+@infoplan.command(
+    "figures", cls=Command, more=options_of("FILTERS"),
+    help="Draw the paper's figures from stored results.",
+    examples=["infoplan figures fig5 fig7 seed=1"],
+)  # fmt: skip
+@setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
+         named=False)  # fmt: skip
+@RESULTS
+@setting("run", RunName(), "one run, or a list of them, alone")
+@setting("seed", click.IntRange(min=0), "the mission whose maps are shown", default=0)
+@click.option("--seeds", is_flag=True, help="Fig. 5 shows each seed as a thin line")
+def figures(
+    figure: tuple[str, ...],
+    results_dir: Path,
+    run: str | list[str] | None,
+    seed: int,
+    seeds: bool,
+    filters: dict[str, Any],
+) -> int:
+    """Draw figures."""
+    from infoplan.draw.figures import check_names, draw_figures
+
+    names = check_names(figure)
+    study = _study(results_dir, run, filters)
+    problems = list(study.notes)
+    drawn = draw_figures(study, names, seed=seed, single_seeds=seeds)
+    for one in drawn:
+        for path in one.files:
+            print(path)
+        problems += [one.problem] if one.problem else []
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    return EXIT_FAILED if any(one.problem for one in drawn) else EXIT_OK
+
+
+@infoplan.command(
+    "claims", cls=Command, more=options_of("FILTERS"),
+    help="Judge the paper's claims by stored results.",
+    examples=["infoplan claims terrain=helens --markdown"],
+)  # fmt: skip
+@RESULTS
+@setting("run", RunName(), "one run, or a list of them, alone")
+@click.option("--json", "as_json", is_flag=True, help="write them for scripts")
+@click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
+def claims(
+    results_dir: Path,
+    run: str | list[str] | None,
+    as_json: bool,
+    as_markdown: bool,
+    filters: dict[str, Any],
+) -> int:
+    """Judge the claims."""
+    from infoplan.analyse.claims import judge_claims
+    from infoplan.draw.claims_table import as_json as to_json
+    from infoplan.draw.claims_table import markdown, print_claims
+    from infoplan.study.summary import wide_console
+
+    if as_json and as_markdown:
+        raise UsageError("claims are written as --json or as --markdown, not both")
+    study = _study(results_dir, run, filters)
+    judged = judge_claims(study)
+    if as_json:
+        print(to_json(judged, study))
+    elif as_markdown:
+        print(markdown(judged, study))
+    else:
+        print_claims(judged, study, wide_console())
+    return EXIT_OK
+
+
+@infoplan.command(
+    "report", cls=Command, more=options_of("FILTERS"),
+    help="Write curves, claims and maps as one HTML page.",
+    examples=["infoplan report terrain=volcano"],
+)  # fmt: skip
+@RESULTS
+@setting("run", RunName(), "one run, or a list of them, alone")
+def report(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> int:
+    """Write the report."""
+    from infoplan.draw.report import write_report
+
+    print(f"reported to {write_report(_study(results_dir, run, filters))}")
+    return EXIT_OK
+
+
+@infoplan.command(
+    "show", cls=Command,
+    help="Show one stored run: curve, detector, time.",
+    examples=["infoplan show puct-copod-helens"],
+)  # fmt: skip
+@run_setting("which run; the only one if left out")
+@RESULTS
+def show(run: str | None, results_dir: Path) -> int:
+    """Show a run."""
+    from infoplan.analyse.tables import find_missions
+    from infoplan.draw.show import show
+    from infoplan.study.summary import wide_console
+
+    show(find_missions(results_dir, run=run), wide_console())
+    return EXIT_OK
+
+
+@infoplan.command(
+    "leaderboard", cls=Command, more=options_of("LEADERBOARD"),
+    help="Rank methods over maps and outlier shares.",
+    examples=["infoplan leaderboard terrain=[volcano,jacksboro] --markdown"],
+)  # fmt: skip
+@RESULTS
+@setting("run", RunName(), "a list of runs, alone")
+@click.option("--markdown", "as_markdown", is_flag=True, help="write it for documents")
+@click.option("--html", "as_html", is_flag=True, help="write a page, leaderboard.html")
+def leaderboard(
+    results_dir: Path,
+    run: str | list[str] | None,
+    as_markdown: bool,
+    as_html: bool,
+    filters: dict[str, Any],
+) -> int:
+    """Rank the methods."""
+    from infoplan.analyse.leaderboard import rank
+    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
+    from infoplan.study.run_names import find_run
+    from infoplan.study.summary import wide_console
+
+    if as_markdown and as_html:
+        raise UsageError("the leaderboard is written as --markdown or as --html, not both")
+    if run is not None:
+        named = [run] if isinstance(run, str) else run
+        filters = {**filters, "run": [find_run(results_dir, text) for text in named]}
+    board = rank(results_dir, filters)
+    if as_markdown:
+        print(markdown(board))
+    elif as_html:
+        print(f"written to {write_page(board, results_dir / 'leaderboard.html')}")
+    else:
+        print_leaderboard(board, wide_console())
+    return EXIT_OK
+
+
+@infoplan.command(
+    "audit", cls=Command,
+    help="Recompute stored runs with other libraries.",
+    examples=["infoplan audit", "infoplan audit puct-copod-helens seeds=[0,3]"],
+)  # fmt: skip
+@run_setting("which run; all if left out")
+@RESULTS
+@setting("seeds", Seeds(), "which seeds; all if left out")
+@setting("terrain.path", UserPath(), "file of the runs whose map came from one, to check the truth")
+@setting("terrain.member", click.STRING, "the map's name in a .zip archive")
+def audit(
+    run: str | None,
+    results_dir: Path,
+    seeds: list[int] | None,
+    terrain_path: Path | None,
+    terrain_member: str | None,
+) -> int:
+    """Audit runs."""
+    from infoplan.analyse.audit import audit, render
+    from infoplan.study.identity import stored_terrains
+
+    path = None if terrain_path is None else str(terrain_path)
+    maps = stored_terrains(results_dir, path, terrain_member)
+    known = {terrain.sha256: terrain.elevation for terrain in maps}
+    findings = list(audit(results_dir, run, seeds, known))
+    print(render(findings))
+    return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
+
+
+@infoplan.command(
+    "animate", cls=Command,
+    help="Draw one stored mission as GIF or MP4.",
+    examples=["infoplan animate puct-copod-helens seed=0 format=mp4"],
+)  # fmt: skip
+@run_setting("which run; the only one, or the paper's own method, if left out")
+@RESULTS
+@setting("seed", click.IntRange(min=0), "which of its missions", default=0)
+@setting("format", click.Choice(["gif", "mp4"]), "of the file; mp4 needs ffmpeg", default="gif")
+@setting("fps", Number(min=0, max=50, min_open=True), "pictures a second", default=4.0)
+def animate(run: str | None, results_dir: Path, seed: int, format: str, fps: float) -> int:
+    """Animate a mission."""
+    from infoplan.draw.animate import animate
+    from infoplan.study.summary import wide_console
+
+    path = animate(results_dir, wide_console(), run=run, seed=seed, file_format=format, fps=fps)
+    print(f"animated to {path}")
+    return EXIT_OK
+
+
+@infoplan.group("terrain", cls=Group, help="The maps: list, show or fetch them.",
+                examples=["infoplan terrain show terrain=jacksboro"])  # fmt: skip
+def terrain() -> None:
+    """Hold the commands about maps."""
+
+
+@terrain.command("list", cls=Command, help="Say which maps are on this machine.",
+                 examples=["infoplan terrain list"])  # fmt: skip
+def list_terrains() -> int:
+    """List the maps."""
+    from infoplan.terrain import TERRAINS, available
+
+    there = available()
+    for name, what in TERRAINS.items():
+        print(f"{name:12} {what}\n{'':12} {there[name]}")
+    return EXIT_OK
+
+
+@terrain.command(
+    "show", cls=Command, more=options_of("TERRAIN"),
+    help="Print a map's statistics and draw it with the pilot path.",
+    examples=["infoplan terrain show terrain=random_field terrain.seed=4"],
+)  # fmt: skip
+@RESULTS
+def show_terrain(results_dir: Path, overrides: list[str]) -> int:
+    """Show a map."""
+    from infoplan.draw.terrain_map import describe, draw_terrain
+    from infoplan.hydra_front import compose_terrain
+    from infoplan.terrain import load_terrain
+
+    options = vars(compose_terrain(overrides))
+    if "on_missing" in options:
+        options["on_missing"] = "error"
+    loaded = load_terrain(**options)
+    print(describe(loaded))
+    print(f"drawn to {draw_terrain(loaded, results_dir / 'figures')}")
+    return EXIT_OK
+
+
+@terrain.command("fetch", cls=Command, help="Download the map of Mount St. Helens (80 kB).",
+                 examples=["infoplan terrain fetch"])  # fmt: skip
+def fetch_terrain() -> int:
+    """Fetch the map."""
+    from infoplan.terrain import fetch_helens
+
+    print(f"helens is at {fetch_helens()}")
+    return EXIT_OK
+
+
+class CommandName(click.ParamType):
+    """A command, or one of its subcommands."""
+
+    name, words = "command", "a command"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
+        """Offer commands, after the name of a group its subcommands."""
+        group: click.Command = infoplan
+        for name in ctx.meta[GIVEN].get("command", ()):
+            group = getattr(group, "commands", {}).get(name, group)
+        return [
+            CompletionItem(name, help=command.help)
+            for name, command in getattr(group, "commands", {}).items()
+            if name.startswith(incomplete)
+        ]
+
+
+@infoplan.command("help", cls=Command, help="Tell about a command, as --help after it does.",
+                  examples=["infoplan help terrain show"])  # fmt: skip
+@setting("command", CommandName(), "which; all if none is named", default=(), bare=-1, named=False)
+@click.pass_context
+def help_command(ctx: click.Context, command: tuple[str, ...]) -> int:
+    """Show the page of a command."""
+    _enter([*command, "--help"])
+    return EXIT_OK
+
+
+def call(arguments: list[str]) -> int:
+    """Parse a command line and call its function; return the exit status.
+
+    Raises
+    ------
+    UsageError
+        If the line is wrong.
+    """
+    try:
+        return _enter(arguments)
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.ClickException as error:
+        raise UsageError(error.format_message()) from error
+
+
+def _enter(arguments: list[str]) -> int:
+    width = page_width()
+    with infoplan.make_context(
+        "infoplan", list(arguments), terminal_width=width, max_content_width=width
+    ) as ctx:
+        return int(infoplan.invoke(ctx) or 0)
+
+
+def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> "Selection":
+    """Find the study that options of runs choose."""
+    from infoplan.analyse.tables import find_study
+
+    wanted = {"model.name" if name == "model" else name: value for name, value in filters.items()}
+    return find_study(results_dir, run=run, **wanted)
+
+
+def _version(ctx: click.Context, asked: bool) -> None:
+    if asked and not ctx.resilient_parsing:
+        from infoplan import __version__
+
+        print(f"infoplan {__version__}")
+        ctx.exit()
+
+
+def _complete(ctx: click.Context, text: str | None) -> None:
+    if text is None or ctx.resilient_parsing:
+        return
+    from infoplan.completion import serve
+
+    serve(infoplan, text)
+    ctx.exit()
