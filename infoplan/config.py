@@ -805,8 +805,8 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
         return
     if isinstance(value, str):
         if choices and value not in choices:
-            number = " or a whole number" if metadata["bounds"] else " or a number"
-            also = number if metadata["type"] is Any else ""
+            besides = " or a whole number" if metadata["bounds"] else " or a number"
+            also = besides if metadata["type"] is Any else ""
             if set(value.split(",")) <= set(choices):
                 also += " (add -m to run several)"
             raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
