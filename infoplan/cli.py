@@ -6,6 +6,8 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from infoplan.analyse.tables import Selection
 
 USAGE = """\
@@ -45,6 +47,8 @@ def main(argv: list[str] | None = None) -> int:
         0: done; 1: a run failed; 2: a usage error; 130: interrupted.
     """
     arguments = sys.argv[1:] if argv is None else argv
+    if argv is None:
+        os.environ["MPLBACKEND"] = "Agg"  # of a notebook, or a screen, nothing may be inherited
     from infoplan.errors import RunError, UsageError
 
     try:
@@ -234,10 +238,11 @@ def _claims(arguments: list[str]) -> int:
 
 
 def _report(arguments: list[str]) -> int:
+    from infoplan.analyse.tables import find_missions
     from infoplan.draw.report import write_report
 
-    study, _ = _study("report", arguments, {})
-    print(f"reported to {write_report(study)}")
+    missions, _ = _study("report", arguments, {}, find_missions)
+    print(f"reported to {write_report(missions)}")
     return EXIT_OK
 
 
@@ -326,7 +331,10 @@ def _named(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _study(
-    command: str, arguments: list[str], defaults: dict[str, Any]
+    command: str,
+    arguments: list[str],
+    defaults: dict[str, Any],
+    find: "Callable[..., Selection] | None" = None,
 ) -> "tuple[Selection, dict[str, Any]]":
     """Read a command's options; find the study that they, and any options of a run, choose."""
     from infoplan.analyse.tables import find_study
@@ -337,7 +345,8 @@ def _study(
     rest = [argument for argument in arguments if argument not in filters]
     chosen = parse(command, rest, {"results_dir": "results", "terrain": None, **defaults})
     wanted = parse(command, filters, dict.fromkeys(of_runs))
-    return find_study(chosen["results_dir"], terrain=chosen["terrain"], **wanted), chosen
+    find = find or find_study
+    return find(chosen["results_dir"], terrain=chosen["terrain"], **wanted), chosen
 
 
 def _options_of_runs(arguments: list[str]) -> set[str]:
@@ -354,7 +363,7 @@ def _options_of_runs(arguments: list[str]) -> set[str]:
     names |= {name for name in own if re.match(r"\w+\.(options|params)\.", name)}
     # Where a map came from is not stored.
     stored = names - {"terrain.path", "terrain.member", "terrain.on_missing"}
-    return stored | {"budget", "grid", "terrain.sha256"}
+    return stored | {"budget", "grid", "terrain.sha256", "replay"}
 
 
 COMMANDS = {

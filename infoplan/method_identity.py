@@ -145,9 +145,7 @@ def labels(methods: Iterable[Method]) -> dict[Method, str]:
     """Name some methods, different ones differently."""
     distinct = list(dict.fromkeys(methods))
     met = Counter(method.label for method in distinct)
-    return {
-        one: harmless(one.label if met[one.label] == 1 else one.full_label) for one in distinct
-    }
+    return {one: harmless(one.label if met[one.label] == 1 else one.full_label) for one in distinct}
 
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
