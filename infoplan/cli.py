@@ -23,6 +23,8 @@ def main(argv: list[str] | None = None) -> int:
         0: done; 1: a run failed; 2: a usage error; 130: interrupted.
     """
     arguments = sys.argv[1:] if argv is None else argv
+    if argv is None:
+        os.environ["MPLBACKEND"] = "Agg"  # of a notebook, or a screen, nothing may be inherited
     with _streams():
         return _caught(arguments)
 

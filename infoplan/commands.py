@@ -314,9 +314,11 @@ def claims(
 @setting("run", RunName(), "one run, or a list of them, alone")
 def report(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> int:
     """Write the report."""
+    from infoplan.analyse.tables import find_missions
     from infoplan.draw.report import write_report
 
-    print(f"reported to {write_report(_study(results_dir, run, filters))}")
+    missions = find_missions(results_dir, run=run, **_wanted(filters))
+    print(f"reported to {write_report(missions)}")
     return EXIT_OK
 
 
@@ -527,8 +529,12 @@ def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, An
     """Find the study that options of runs choose."""
     from infoplan.analyse.tables import find_study
 
-    wanted = {"model.name" if name == "model" else name: value for name, value in filters.items()}
-    return find_study(results_dir, run=run, **wanted)
+    return find_study(results_dir, run=run, **_wanted(filters))
+
+
+def _wanted(filters: dict[str, Any]) -> dict[str, Any]:
+    """Name filters as the tables do."""
+    return {"model.name" if name == "model" else name: value for name, value in filters.items()}
 
 
 def _version(ctx: click.Context, asked: bool) -> None:

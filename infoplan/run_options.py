@@ -176,6 +176,9 @@ def leaderboard_settings(given: Mapping[str, Any]) -> list[Setting]:
     for name, value, metadata in options(MissionConfig()):
         if name.partition(".")[0] not in GROUPS:
             settings[name] = _setting(name, value, metadata)
+    settings["replay"] = Setting(
+        "replay", _Names(()), "replays of the run of this name; true: of any"
+    )
     settings["terrain.sha256"] = Setting(
         "terrain.sha256", _Names(()), "runs on the map with this digest"
     )

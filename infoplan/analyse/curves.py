@@ -16,6 +16,9 @@ EARLY = (150, 500)
 LATE = 1000
 """And from here to the budget late."""
 
+BEYOND = 1e6
+"""Values so many times the usual ones are no errors that a drawing could show."""
+
 AXIS_POINTS = 190
 """About as many steps does a common axis have."""
 
@@ -111,6 +114,23 @@ def on_common_axis(
     frame = pd.DataFrame(values, index=pd.Index(axis, name="collected"))
     frame.columns = pd.MultiIndex.from_tuples(values, names=["run", "seed"])
     return frame
+
+
+def drawable(values: ArrayLike, usual: ArrayLike) -> NDArray[np.float64]:
+    """Put gaps, NaN, where values are infinite or beyond all measure.
+
+    Parameters
+    ----------
+    values
+        Any numbers.
+    usual
+        Numbers of the usual size: what exceeds their median `BEYOND` times is no more shown.
+    """
+    numbers, known = np.asarray(values, dtype=float), np.abs(np.asarray(usual, dtype=float))
+    known = known[np.isfinite(known) & (known > 0)]
+    limit = BEYOND * float(np.median(known)) if len(known) else np.inf
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isfinite(numbers) & (np.abs(numbers) <= limit), numbers, np.nan)
 
 
 def area_under_curve(curves: pd.DataFrame, column: str = "rmse") -> "pd.Series[float]":

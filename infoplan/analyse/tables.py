@@ -7,21 +7,23 @@ from typing import Any
 
 import pandas as pd
 
-from infoplan.config import MissionConfig
+from infoplan.config import METHODS, MissionConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
+from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
-from infoplan.wording import suggest
+from infoplan.wording import counted, suggest
 
 DEFAULT_TERRAIN = "helens"
 
 LABELS = ("run", "seed", "method", "planner", "detector", "scope", "rho", "terrain", "budget")
 """What a mission can be chosen by, besides every option of its configuration."""
 
-SWEPT = ("planner.name", "detector.name", "detector.scope", "rho")
+SWEPT = ("planner.name", "detector.name", "detector.scope", "model.name", "rho")
 """The options that tell a study's runs apart."""
 
-REPLAY = "replay"
-"""The key that the configuration of a replay has: the name of the run that was flown."""
+SHOWN = (*SWEPT, "budget", "terrain.name", REPLAY, *(f"{group}.function" for group in METHODS))
+"""Parts of a configuration that a run's labels tell."""
 
 Options = dict[str, Any]
 """A configuration with dotted names."""
@@ -70,12 +72,10 @@ class Selection:
         UsageError
             If several runs answer to this: take the selection from `find_study`.
         """
-        if not method.endswith("-COPOD"):
-            scope = "batch"
         missions = self.missions
         chosen = missions[
             (missions["method"] == method)
-            & (missions["scope"] == scope)
+            & ((missions["scope"] == scope) | missions["detector"].isin(NEVER_ERRS))
             & ((missions["rho"] - rho).abs() < 1e-9)
         ]
         names = sorted(set(chosen["run"]))
@@ -138,9 +138,13 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     for name, wanted in filters.items():
         if wanted is not None:
             missions = _filtered(missions, options, name, wanted)
-    replays = missions["method"].str.startswith("REPLAY-")
+    notes: tuple[str, ...] = ()
+    replays = missions["run"].map(lambda run: REPLAY in options[run]).astype(bool)
     if all(filters.get(name) is None for name in ("run", "method", REPLAY)) and not replays.all():
         missions = missions[~replays]
+        if replays.any():
+            notes = (f"{counted(int(replays.sum()), 'replayed mission')} left out; choose with "
+                     f"{REPLAY}=true",)  # fmt: skip
     if filters.get("terrain") is None and DEFAULT_TERRAIN in set(missions["terrain"]):
         missions = missions[missions["terrain"] == DEFAULT_TERRAIN]
     runs = list(dict.fromkeys(missions["run"]))
@@ -155,15 +159,12 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
         terrain=str(first["terrain.name"]),
         unit=str(first["terrain.unit"]),
         budget=int(first["budget"]),
+        notes=notes,
     )
 
 
 def find_study(results_dir: str | Path, **filters: Any) -> Selection:
-    """Find missions that differ in planner, detector, scope, rho and seed alone.
-
-    Where runs with other options are there, too, those with the default options are taken, and the
-    selection's notes say what was left out. Options of COPOD are COPOD's alone: NONE and BEST go
-    with any.
+    """Find missions that differ in method, scope, rho and seed alone; see `study_of`.
 
     Parameters
     ----------
@@ -177,24 +178,84 @@ def find_study(results_dir: str | Path, **filters: Any) -> Selection:
     Raises
     ------
     UsageError, RunError
-        As `find_missions`; also if runs differ in an option and none has its default.
+        As `find_missions` and `study_of`.
     """
-    selection = find_missions(results_dir, **filters)
-    shared, tuned = {}, {}
-    for run, flat in selection.options.items():
-        science = {name: value for name, value in flat.items() if name not in SWEPT}
-        of_detector = {name for name in science if name.startswith("detector.")}
-        shared[run] = {name: science[name] for name in science if name not in of_detector}
-        if of_detector:
-            tuned[run] = {name: science[name] for name in of_detector}
-    selection = _agreeing(selection, shared)
-    tuned = {run: tuned[run] for run in tuned if run in selection.options}
-    selection = _agreeing(selection, tuned)
+    return study_of(find_missions(results_dir, **filters))
+
+
+def study_of(selection: Selection) -> Selection:
+    """Keep the missions that differ in method, scope, rho and seed alone.
+
+    Where runs with other options are there, too, those with the default options are taken, and the
+    selection's notes say what was left out. Options of a planner, detector or model are its alone:
+    they are compared among its own runs.
+
+    Raises
+    ------
+    UsageError
+        If runs differ in an option and none has its default.
+    """
+    of_detectors = {
+        name for flat in selection.options.values() for name in flat if name.startswith("detector.")
+    }
+    selection = _agreeing(selection, set(differing(selection.options)) - of_detectors)
+    selection = _agreeing(selection, set(differing(selection.options)))
     seeds = selection.missions.groupby("run")["seed"].nunique()
     if seeds.min() == seeds.max():
         return selection
     note = f"the runs have {seeds.min()} to {seeds.max()} seeds; pairs use the seeds both have"
-    return replace(selection, notes=(*selection.notes, note))
+    return replace(selection, notes=tuple(dict.fromkeys((*selection.notes, note))))
+
+
+def told_apart(selection: Selection) -> Selection:
+    """Give runs of one method, rho and scope different names, by the options they differ in.
+
+    The run whose options are the defaults keeps the method's name.
+    """
+    missions = selection.missions.copy()
+    names: dict[str, str] = {}
+    for method, of_method in missions.groupby("method"):
+        runs = of_method.drop_duplicates("run").set_index("run")
+        flats = {run: selection.options[run] for run in runs.index}
+        differ = [name for name in differing(flats) if not name.endswith(".sha256")]
+        for run, flat in flats.items():
+            default = _defaults(flat)
+            own = [f"{k}={_text(flat.get(k))}" for k in differ if flat.get(k) != default.get(k)]
+            names[run] = " ".join([str(method), *own])
+        runs["name"] = pd.Series(names)
+        for run in runs.index[runs.duplicated(["rho", "scope", "name"], keep=False)]:
+            source = flats[run].get(REPLAY)
+            digest = str(source or run).rpartition("-")[2]
+            names[run] += f" of {digest}" if source else f" {digest}"
+    missions["method"] = missions["run"].map(names)
+    return replace(selection, missions=missions)
+
+
+def differing(options: Mapping[str, Options]) -> list[str]:
+    """Names of the options in which runs differ, those that their labels tell left out.
+
+    Parameters
+    ----------
+    options
+        Configuration of each run, dotted names.
+
+    Returns
+    -------
+    list of str
+        In the order of the configurations. An option that only one planner, detector, model or
+        terrain has is compared among its runs alone.
+    """
+    values: dict[tuple[str, str], set[str]] = {}
+    runs: dict[str, list[Options]] = {}
+    for flat in options.values():
+        for owner in {_owner(flat, name) for name in flat}:
+            runs.setdefault(owner, []).append(flat)
+    for flat in options.values():
+        for name in flat:
+            owner = _owner(flat, name)
+            if name not in SHOWN and (name, owner) not in values:
+                values[name, owner] = {repr(other.get(name)) for other in runs[owner]}
+    return list(dict.fromkeys(name for (name, _), found in values.items() if len(found) > 1))
 
 
 def load_curves(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
@@ -269,7 +330,7 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
                 {
                     "run": run,
                     "seed": seed,
-                    "method": _method(flat),
+                    "method": method_of(flat),
                     "planner": flat["planner.name"],
                     "detector": flat["detector.name"],
                     "scope": flat["detector.scope"],
@@ -283,7 +344,10 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
             raise RunError(
                 f"the footer of {run} seed {seed} lacks {error}: run its configuration again"
             ) from error
-    return pd.DataFrame(rows), options
+    missions = pd.DataFrame(rows)
+    if rows:
+        missions["method"] = missions["method"].map(labels(missions["method"]))
+    return missions, options
 
 
 def stored_footers(folder: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
@@ -330,10 +394,29 @@ def demand_whole(folder: Path, missions: Iterable[tuple[str, int]]) -> None:
             raise RunError(stored.reason or f"{run} seed {seed} has gone meanwhile: run it again")
 
 
-def _method(flat: Options) -> str:
-    """Name a run's method; that of a replay was never flown and must not pass for one that was."""
-    flown = f"{flat['planner.name']}-{flat['detector.name']}".upper()
-    return f"REPLAY-{flown}" if REPLAY in flat else flown
+def _owner(flat: Options, name: str) -> str:
+    """Say which planner, detector, model or terrain an option belongs to; empty: to all runs."""
+    group, _, option = name.partition(".")
+    if group == "terrain":
+        return f"terrain {flat['terrain.name']}"
+    if group not in METHODS or option in OF_THE_MISSION[group]:
+        return ""
+    choice = str(flat[f"{group}.name"])
+    schema = METHODS[group].get(choice)
+    # Tree searches share their options.
+    kind = type(schema).__name__ if schema else flat.get(f"{group}.function") or choice
+    return f"{group} {kind}"
+
+
+def _defaults(flat: Options) -> Options:
+    """Options that a run of this planner, detector and model has as they come."""
+    chosen = dict(default_options())
+    for group, choices in METHODS.items():
+        name = str(flat[f"{group}.name"])
+        kind = "pyod" if name.startswith("pyod_") else name
+        if kind in choices and f"{group}.function" not in flat:
+            chosen |= flatten({group: asdict(choices[kind])})
+    return chosen
 
 
 def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
@@ -435,26 +518,21 @@ def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None
             )
 
 
-def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
-    """Keep the runs that agree in all options: if several groups do, the default ones."""
-    differing = {
-        name
-        for flat in options.values()
-        for name in flat
-        if len({repr(other.get(name)) for other in options.values()}) > 1
-    }
-    if not differing:
+def _agreeing(selection: Selection, names: set[str]) -> Selection:
+    """Keep the runs that agree in some options: if several groups do, the default ones."""
+    unusual: dict[str, list[str]] = {}
+    for run, flat in selection.options.items():
+        default = _defaults(flat)
+        others = [name for name in flat if name in names and flat[name] != default.get(name)]
+        if others:
+            unusual[run] = others
+    if not unusual:
         return selection
-    default = default_options()
-    left_out = {
-        run
-        for run, flat in options.items()
-        if any(flat.get(name) != default.get(name) for name in differing)
-    }
-    named = sorted(differing)
-    if len(left_out) == len(options):
+    named = sorted({name for others in unusual.values() for name in others})
+    if len(unusual) == len(selection.options):
         found = {
-            name: sorted({_text(flat.get(name)) for flat in options.values()}) for name in named
+            name: sorted({_text(flat[name]) for flat in selection.options.values() if name in flat})
+            for name in named
         }
         listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
         raise UsageError(
@@ -462,10 +540,10 @@ def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
             f"choose with {named[0]}={found[named[0]][0]} or the like"
         )
     note = (
-        f"{len(left_out)} runs with other than the default {', '.join(named)} are left out; "
-        f"choose them with {named[0]}=..."
+        f"{counted(len(unusual), 'run')} with other than the default {', '.join(named)} left out; "
+        f"choose with {named[0]}=..."
     )
-    kept = selection.only(set(selection.missions["run"]) - left_out)
+    kept = selection.only(set(selection.missions["run"]) - set(unusual))
     return replace(kept, notes=(*selection.notes, note))
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.backend import load_matplotlib
 from infoplan.detect.evidence import Evidence, Judgement
 from infoplan.errors import UsageError
 from infoplan.wording import suggest
@@ -126,6 +127,7 @@ def build(name: str, contamination: float, params: Mapping[str, Any], seed: int)
             f"detector.model={name} is no detector of PyOD{suggest(spelled, modules)}: "
             f"use one of {', '.join(sorted(modules))}"
         )
+    load_matplotlib()  # as PyOD does
     try:
         kind = getattr(importlib.import_module(f"pyod.models.{modules[name]}"), name)
     except ImportError as error:

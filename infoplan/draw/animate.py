@@ -5,7 +5,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,17 +15,22 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import on_grid
-from infoplan.analyse.tables import find_missions
-from infoplan.config import MissionConfig
+from infoplan.analyse.tables import find_missions, flatten
+from infoplan.config import METHODS, MissionConfig, TreeSearchConfig, validate
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
+from infoplan.method_identity import Look, looks, method_of
+from infoplan.methods import culprit_named
 from infoplan.mission import CurveRow, Mission, Samples
+from infoplan.plan import count_flags, smooth
 from infoplan.study.identity import config_from_science
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import read_footer, read_table, table_path
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
+from infoplan.wording import figure
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -50,6 +55,8 @@ LINE_SECONDS = 5.0
 """Without a terminal, lines about the progress come this often."""
 SAME_RMSE = 1e-6
 """Relative difference up to which a recomputed RMSE is the stored one: rounding of other BLAS."""
+HEADLINE, ROOM = 9.5, 85
+"""Size of the headline, points, and how many characters of that size it has room for."""
 WIDTH, HEIGHT, DPI = 960, 640, 100
 """Size of a picture in pixels, both even as video wants them."""
 
@@ -62,25 +69,31 @@ class Recording:
     ----------
     run, seed
         Which.
+    method
+        Its name, as in all drawings.
     config
         Its configuration.
-    samples, curve
-        Its tables, one row a sample and one an epoch.
+    samples, curve, maps
+        Its tables, one row a sample, an epoch, a node of the query grid.
     truth
         Elevation at the nodes of the query grid, shape ``config.grid``, terrain's unit.
     """
 
     run: str
     seed: int
+    method: str
     config: MissionConfig
     samples: pd.DataFrame
     curve: pd.DataFrame
+    maps: pd.DataFrame
     truth: Floats
 
 
 @dataclass(frozen=True)
 class State:
     """What a mission knows after an epoch; the maps have the shape of the query grid.
+
+    Maps that are not known are NaN.
 
     Attributes
     ----------
@@ -109,8 +122,13 @@ def animate(
     seed: int = 0,
     file_format: str = "gif",
     fps: float = 4,
+    trust: bool = False,
 ) -> Path:
     """Draw a stored mission as an animation, a picture an epoch.
+
+    The maps between are recomputed from the samples. A detector or model of the user's is imported
+    for that only if the caller trusts it; without it the maps of the end are shown, the last that
+    the tables hold. A planner is never needed.
 
     Parameters
     ----------
@@ -126,6 +144,8 @@ def animate(
         ``gif`` or ``mp4``.
     fps
         Pictures a second, above 0 and at most 50.
+    trust
+        Import the detector and the model that the stored configuration names.
 
     Returns
     -------
@@ -148,10 +168,7 @@ def animate(
         write = write_mp4
         find_ffmpeg()
     recording = read_recording(results_dir, choose_run(results_dir, run), seed)
-    epochs = len(recording.curve)
-    states = list(_tracked(replay(recording), epochs, "recomputing epochs", console))
-    if difference := difference_from_curve(states, recording):
-        console.print(f"WARNING: {difference}", style="bold yellow", soft_wrap=True)
+    states = list(_states(recording, trust, console))
     states = thinned(states, MAX_FRAMES)
     pictures = list(
         _tracked(draw_pictures(states, recording), len(states), "drawing pictures", console)
@@ -217,7 +234,7 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
     RunError
         If a table cannot be read.
     """
-    find_missions(results_dir, run=run, seed=seed)
+    missions = find_missions(results_dir, run=run, seed=seed).missions
     config = config_from_science(
         read_footer(table_path(results_dir, "curves", run, seed))["configuration"]
     )
@@ -225,7 +242,60 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
         read_table(results_dir, name, run, seed).to_pandas()
         for name in ("curves", "samples", "maps")
     )
-    return Recording(run, seed, config, samples, curve, on_grid(maps, "truth"))
+    truth = on_grid(maps, "truth")
+    if truth.shape != tuple(config.grid):
+        raise RunError(
+            f"the map of {run} seed {seed} has {truth.shape[0]} x {truth.shape[1]} nodes, not the "
+            f"{config.grid} of its configuration: run it again"
+        )
+    method = str(missions["method"].iloc[0])
+    return Recording(run, seed, method, config, samples, curve, maps, truth)
+
+
+def cannot_replay(config: MissionConfig, trust: bool) -> str:
+    """Say why the states of a mission are not recomputed; empty if they are."""
+    own = [getattr(config, group) for group in ("detector", "model")]
+    named = [options.function for options in own if getattr(options, "function", None)]
+    if named and not trust:
+        return (
+            f"nothing of a results folder is imported, such as {' and '.join(named)}, "
+            "without trust=true"
+        )
+    try:
+        # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
+        terrain = replace(MissionConfig().terrain, extent=config.terrain.extent)
+        validate(replace(config, terrain=terrain, planner=_stand_in(config)))
+    except UsageError as error:
+        return f"its configuration is none that could be flown: {error}"
+    return ""
+
+
+def from_tables(recording: Recording) -> Iterator[State]:
+    """Give the states that the tables tell: the maps are those of the end, and of no epoch before.
+
+    Samples are shown as they were judged at the end.
+
+    Yields
+    ------
+    State
+        After the pilot and after each epoch.
+    """
+    config, table, maps = recording.config, recording.samples, recording.maps
+    shape, unknown = recording.truth.shape, np.full(recording.truth.shape, np.nan)
+    columns = [item.name for item in fields(CurveRow)]
+    rows = [
+        dict(zip(columns, row, strict=True)) for row in recording.curve[columns].to_numpy(object)
+    ]
+    for epoch, row in enumerate(rows):
+        part = table[table["epoch"] <= epoch]
+        samples = replace(_unjudged(part), flagged=part["flagged"].to_numpy(dtype=bool))
+        if epoch < len(rows) - 1:
+            flags = count_flags(samples.x[samples.flagged], _extent(config), shape)
+            density = smooth(flags, config.planner.smoothing, _extent(config))
+            yield State(CurveRow(**row), samples, unknown, unknown, density)
+        else:
+            mean, std, density = (on_grid(maps, n) for n in ("mean", "std", "outlier_density"))
+            yield State(CurveRow(**row), samples, mean, std, density)
 
 
 def replay(recording: Recording) -> Iterator[State]:
@@ -239,17 +309,19 @@ def replay(recording: Recording) -> Iterator[State]:
     State
         After the pilot and after each epoch.
     """
-    config, table, truth = recording.config, recording.samples, recording.truth
+    table, truth = recording.samples, recording.truth
+    # Nobody plans: a planner of the user's own need not be there any more.
+    config = replace(recording.config, planner=_stand_in(recording.config))
     # The mission looks at its map only at the query grid's nodes, which are stored.
-    extent = checked_extent(config.terrain.extent)
-    terrain = Terrain(config.terrain.name, truth, extent, config.terrain.unit or "", "")
+    terrain = Terrain(config.terrain.name, truth, _extent(config), config.terrain.unit or "", "")
     mission = Mission(config, terrain, recording.seed)
     mission.grid_truth = truth.ravel()
     for epoch in range(len(recording.curve)):
         batch = _unjudged(table[table["epoch"] == epoch])
         mission.epoch = epoch
-        mission.observe(batch) if epoch else mission.start(batch)
-        row = mission.evaluate()
+        with culprit_named(config, f"in epoch {epoch}"):
+            mission.observe(batch) if epoch else mission.start(batch)
+            row = mission.evaluate()
         yield State(
             row,
             mission.samples,
@@ -263,10 +335,11 @@ def difference_from_curve(states: Sequence[State], recording: Recording) -> str:
     """Say how the recomputed RMSE differs from the stored curve; empty if it does not."""
     stored = recording.curve["rmse"].to_numpy()
     recomputed = np.array([state.row.rmse for state in states])
-    apart = np.abs(recomputed - stored)
-    if np.all(apart <= SAME_RMSE * stored):
+    same = np.isclose(recomputed, stored, rtol=SAME_RMSE, atol=0.0, equal_nan=True)
+    if same.all():
         return ""
-    epoch = int(np.argmax(apart))
+    with np.errstate(invalid="ignore"):
+        epoch = int(np.argmax(np.where(same, -1.0, np.nan_to_num(np.abs(recomputed - stored)))))
     return (
         f"the recomputed RMSE of {recording.run} seed {recording.seed} is not the stored one "
         f"({recomputed[epoch]:.4g} instead of {stored[epoch]:.4g} after epoch {epoch}), as with "
@@ -376,35 +449,43 @@ class _Scene:
 
     def __init__(self, states: Sequence[State], recording: Recording):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.colors import PowerNorm
+        from matplotlib.colors import LogNorm, PowerNorm
         from matplotlib.figure import Figure
 
         config, truth = recording.config, recording.truth
         xmin, xmax, ymin, ymax = config.terrain.extent
         self.extent = (xmin, xmax, ymin, ymax)
-        self.budget, self.unit, self.truth = config.budget, config.terrain.unit or "", truth
+        self.budget, self.truth = config.budget, truth
+        self.unit = style.plain(config.terrain.unit or "")
         self.figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
         self.canvas = FigureCanvasAgg(self.figure)
-        method = f"{config.planner.name}-{config.detector.name}".upper()
-        self._say(
-            14,
-            f"{method} on {config.terrain.name}, ρ = {config.rho:g}, "
-            f"{config.detector.scope} scope, seed {recording.seed}",
-            weight="bold",
+        title = (
+            f"{style.plain(recording.method)} on {style.plain(config.terrain.name)}, "
+            f"ρ = {config.rho:g}, {config.detector.scope} scope, seed {recording.seed}"
         )
+        headline = self._say(14, title, weight="bold")
+        # A long name must not run into the clock.
+        headline.set_fontsize(min(HEADLINE, HEADLINE * ROOM / len(title)))
         self.clock = self._say(WIDTH - 14, "", ha="right")
         self._draw_path_panel()
-        deviation = max(float(state.std.max()) for state in states)
-        error = float(np.quantile([np.abs(state.mean - truth) for state in states], 0.98))
+        # Few nodes must not take the colours from all others.
+        deviation = _range([state.std for state in states], 0.02, 0.98)
+        _, error = _range([np.abs(state.mean - truth) for state in states], 0.0, 0.98)
         density = max(float(state.density.max()) for state in states)
         self.mean = self._panel(0, 0, "mean", style.ELEVATION, truth.min(), truth.max())
-        self.std = self._panel(0, 1, "standard deviation", style.DEVIATION, 0, deviation)
+        self.std = self._panel(0, 1, "standard deviation", style.DEVIATION, *deviation)
         self.error = self._panel(1, 0, "absolute error", style.ERROR, 0, error)
+        # It falls by orders of magnitude: steps of the same ratio have the same colours.
+        least = max(deviation[0], 1e-3 * deviation[1])
+        self.std.set_norm(LogNorm(least, deviation[1]))
+        steps = np.geomspace(least, deviation[1], 5)
+        self.std.colorbar.set_ticks(steps, labels=[figure(step) for step in steps], minor=False)
+        self.std.colorbar.ax.minorticks_off()
         # With nothing flagged, any scale will do.
         self.density = self._panel(1, 1, "outlier density", style.DENSITY, 0, density or 1.0)
         # A few places hold most flags: the root lets the others be seen.
         self.density.set_norm(PowerNorm(0.5, 0, density or 1.0))
-        self._draw_curve_panel(recording.curve, style.COLOURS[method])
+        self._draw_curve_panel(recording.curve, looks([recording.method])[recording.method])
 
     def draw(self, state: State) -> Picture:
         """Draw a state; returns red, green, blue, shape (HEIGHT, WIDTH, 3)."""
@@ -427,11 +508,12 @@ class _Scene:
             (self.error, np.abs(state.mean - self.truth)),
             (self.density, state.density),
         ):
-            image.set_data(values)
-        self.error.axes.set_title(f"absolute error, RMSE {row.rmse:.0f} {self.unit}", loc="left")
+            image.set_data(drawable(values, self.truth))
+        told = f"absolute error, RMSE {figure(row.rmse)} {self.unit}"
+        self.error.axes.set_title(told.rstrip(), loc="left")
         so_far = self.stored["collected"] <= row.collected
-        self.curve.set_data(self.stored["collected"][so_far], self.stored["rmse"][so_far])
-        self.point.set_data([row.collected], [row.rmse])
+        self.curve.set_data(self.stored["collected"][so_far], self.errors[so_far])
+        self.point.set_data([row.collected], drawable([row.rmse], self.stored["rmse"]))
         self.canvas.draw()
         return np.asarray(self.canvas.buffer_rgba())[:, :, :3].copy()
 
@@ -458,6 +540,8 @@ class _Scene:
         self, row: int, column: int, title: str, cmap: str, vmin: float, vmax: float
     ) -> "AxesImage":
         """Draw a small map with its colour bar; row 0 is the upper one."""
+        from matplotlib.ticker import FuncFormatter
+
         left, bottom, side = 482 + 240 * column, 402 - 216 * row, 180
         axes = self._axes(left, bottom, side, side)
         image = style.show_map(axes, self.truth, self.extent, cmap=cmap, vmin=vmin, vmax=vmax)
@@ -465,14 +549,15 @@ class _Scene:
         axes.set_title(title, loc="left")
         bar = self.figure.colorbar(image, cax=self._axes(left + side + 6, bottom, 8, side))
         bar.outline.set_linewidth(0.6)
+        bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
         return axes.images[0]
 
-    def _draw_curve_panel(self, curve: pd.DataFrame, colour: str) -> None:
-        self.stored = curve
+    def _draw_curve_panel(self, curve: pd.DataFrame, look: Look) -> None:
+        self.stored, self.errors = curve, drawable(curve["rmse"], curve["rmse"])
         axes = self._axes(54, 42, 878, 84)
-        axes.plot(curve["collected"], curve["rmse"], color=colour, alpha=0.3)
-        (self.curve,) = axes.plot([], [], color=colour, lw=1.6)
-        (self.point,) = axes.plot([], [], "o", color=colour, ms=5, clip_on=False)
+        axes.plot(curve["collected"], self.errors, color=look.colour, alpha=0.3)
+        (self.curve,) = axes.plot([], [], color=look.colour, lw=1.6)
+        (self.point,) = axes.plot([], [], "o", color=look.colour, ms=5, clip_on=False)
         axes.set(xlim=(0, self.budget), ylim=(0, None), xlabel="samples collected",
                  ylabel=f"RMSE ({self.unit})")  # fmt: skip
         axes.spines[["top", "right"]].set_visible(False)
@@ -483,7 +568,7 @@ class _Scene:
 
     def _say(self, left: float, text: str, **look: Any) -> "Text":
         """Write into the headline, so many pixels from the left."""
-        return self.figure.text(left / WIDTH, 1 - 24 / HEIGHT, text, size=9.5, **look)
+        return self.figure.text(left / WIDTH, 1 - 24 / HEIGHT, text, size=HEADLINE, **look)
 
 
 def _is_papers_own(results_dir: Path, run: str) -> bool:
@@ -491,8 +576,46 @@ def _is_papers_own(results_dir: Path, run: str) -> bool:
     science = read_footer(next(results_dir.glob(f"curves/run={run}/seed=*.parquet")))[
         "configuration"
     ]
-    method = science["planner"]["name"], science["detector"]["name"], science["detector"]["scope"]
-    return method == ("puct", "copod", "batch") and science["rho"] == 0.1
+    setting = science["detector"]["scope"], science["rho"]
+    return method_of(flatten(science)).label == "PUCT-COPOD" and setting == ("batch", 0.1)
+
+
+def _states(recording: Recording, trust: bool, console: Console) -> Iterator[State]:
+    """Recompute a mission's states, or take what the tables tell, and say which."""
+    config, epochs = recording.config, len(recording.curve)
+    if reason := cannot_replay(config, trust):
+        note = f"only the maps of the end are shown: {reason}"
+        console.print(note, soft_wrap=True, markup=False)
+        yield from _tracked(from_tables(recording), epochs, "reading epochs", console)
+        return
+    for group in ("detector", "model"):
+        options = getattr(config, group)
+        if isinstance(options, type(METHODS[group]["own"])):
+            console.print(f"importing {options.function}", soft_wrap=True, markup=False)
+    states = []
+    for state in _tracked(replay(recording), epochs, "recomputing epochs", console):
+        states.append(state)
+        yield state
+    if difference := difference_from_curve(states, recording):
+        console.print(f"WARNING: {difference}", style="bold yellow", soft_wrap=True, markup=False)
+
+
+def _stand_in(config: MissionConfig) -> TreeSearchConfig:
+    """Return a planner that keeps what a mission reads of a planner's options."""
+    return TreeSearchConfig(smoothing=config.planner.smoothing)
+
+
+def _extent(config: MissionConfig) -> style.Extent:
+    return checked_extent(config.terrain.extent)
+
+
+def _range(maps: Sequence[Floats], low: float, high: float) -> tuple[float, float]:
+    """Two quantiles of some maps' values, apart from each other; NaN is left out."""
+    values = np.concatenate([values[np.isfinite(values)] for values in maps])
+    if not len(values):
+        return 0.0, 1.0
+    first, last = (float(np.quantile(values, share)) for share in (low, high))
+    return first, last if last > first else first + (abs(first) or 1.0)
 
 
 def _unjudged(part: pd.DataFrame) -> Samples:

@@ -9,6 +9,7 @@ import pandas as pd
 from infoplan.analyse.tables import Selection
 from infoplan.draw import style
 from infoplan.draw.missions import mission_maps
+from infoplan.method_identity import PAPERS
 
 NEEDS = (("UCT-BEST", 0.1, "batch"), ("UCT-NONE", 0.1, "batch"))
 
@@ -27,7 +28,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
     }
     is_spike = none.samples["is_outlier"].astype(bool)
     heights = [*surfaces.values(), none.samples["measured"].to_numpy()]
-    limits = min(z.min() for z in heights), max(z.max() for z in heights)
+    limits = min(np.nanmin(z) for z in heights), max(np.nanmax(z) for z in heights)
     with style.journal():
         figure = style.new_figure(style.PAGE, 2.1)
         figure.set_layout_engine("none")  # it leaves half of the paper to 3-D axes
@@ -36,14 +37,15 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
                 (k / 3 + 0.03, 0.05, 0.295, 0.93), projection="3d", computed_zorder=False
             )
             figure.text(k / 3 + 0.01, 0.93, f"({'bcd'[k]}) {title}", fontsize=7.5)
-            figure.text(k / 3 + 0.02, 0.8, f"elevation ({selection.unit})", fontsize=6)
+            figure.text(k / 3 + 0.02, 0.8, f"elevation ({style.plain(selection.unit)})", fontsize=6)
             _surface(axes, values, best.extent, like=best.truth)
             _frame(axes, best.extent, limits)
             if k == 0:
                 _points(axes, none.samples[~is_spike], "black", 0.9, "samples")
-                _points(axes, none.samples[is_spike], style.COLOURS["UCT-NONE"], 2.8, "outliers")
+                _points(axes, none.samples[is_spike], PAPERS["UCT-NONE"].colour, 2.8, "outliers")
                 figure.legend(loc="upper left", bbox_to_anchor=(0.19, 1.0), markerscale=2.5,
                               handletextpad=0.0, labelspacing=0.2)  # fmt: skip
+        figure.text(0.995, 0.02, f"seed {seed}", fontsize=6, ha="right")
         nodes = best.table[["x1", "x2", "truth"]].assign(
             kind="node", without_outliers=best.mean.ravel(), with_outliers=none.mean.ravel()
         )

@@ -15,6 +15,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
     """Draw Fig. 4 from a mission of UCT-NONE at rho 0.1; returns its files."""
     mission = mission_maps(selection, *NEEDS[0], seed)
     pilot = mission.samples[mission.samples["epoch"] == 0]
+    unit = style.plain(selection.unit)
     with style.journal():
         figure = style.new_figure(style.COLUMN, 1.6)
         left, right = figure.subplots(1, 2, sharey=True)
@@ -23,10 +24,10 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
         left.plot(*pilot[["x1", "x2"]].iloc[0], "o", color="white", mec="black", ms=3.5, mew=0.7,
                   clip_on=False)  # fmt: skip
         style.panel(left, "a", "pilot path")
-        style.colour_bar(relief, left, f"elevation ({selection.unit})")
+        style.colour_bar(relief, left, f"elevation ({unit})")
         deviation = style.show_map(right, mission.std, mission.extent, cmap=style.DEVIATION)
         style.panel(right, "b", "UCT-NONE, final")
-        style.colour_bar(deviation, right, f"std. deviation ({selection.unit})")
+        style.colour_bar(deviation, right, f"std. deviation ({unit})")
         right.set_ylabel("")
         path = pilot[["x1", "x2", "truth"]].assign(panel="a")
         deviations = mission.table[["x1", "x2", "truth", "std"]].assign(panel="b")

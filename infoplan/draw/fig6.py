@@ -5,6 +5,7 @@ from pathlib import Path
 from infoplan.analyse.tables import Selection
 from infoplan.draw import style
 from infoplan.draw.missions import mission_maps
+from infoplan.wording import figure as figure_of
 
 NEEDS = (("PUCT-COPOD", 0.1, "batch"), ("UCT-COPOD", 0.1, "batch"))
 
@@ -16,9 +17,10 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
     """
     missions = {need[0]: mission_maps(selection, *need, seed) for need in NEEDS}
     first = missions[NEEDS[0][0]]
-    maps = {"ground truth": first.truth}
+    unit = style.plain(selection.unit)
+    maps = {f"ground truth, seed {seed}": first.truth}
     for method, mission in missions.items():
-        maps[f"{method}, RMSE {mission.rmse:.0f} {selection.unit}"] = mission.mean
+        maps[f"{method}, RMSE {figure_of(mission.rmse)} {unit}"] = mission.mean
     with style.journal():
         figure = style.new_figure(style.PAGE, 2.2)
         row = figure.subplots(1, 3, sharey=True)
@@ -27,7 +29,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
             style.panel(axes, letter, title)
             if axes is not row[0]:
                 axes.set_ylabel("")
-        style.colour_bar(image, row[-1], f"elevation ({selection.unit})")
+        style.colour_bar(image, row[-1], f"elevation ({unit})")
         numbers = first.table[["x1", "x2", "truth"]].assign(
             **{method: mission.mean.ravel() for method, mission in missions.items()}
         )

@@ -20,7 +20,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
     """
     missions = {need[0]: mission_maps(selection, *need, seed) for need in NEEDS}
     errors = {method: np.abs(m.mean - m.truth) for method, m in missions.items()}
-    highest = float(np.quantile(np.concatenate([e.ravel() for e in errors.values()]), 0.99))
+    highest = float(np.nanquantile(np.concatenate([e.ravel() for e in errors.values()]), 0.99))
     frames = []
     with style.journal():
         figure = style.new_figure(style.COLUMN, 1.75)
@@ -30,14 +30,17 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
                 axes, errors[method], mission.extent, cmap=style.ERROR, vmin=0.0, vmax=highest
             )
             kept = mission.samples[mission.samples["used"].astype(bool)]
-            axes.plot(kept["x1"], kept["x2"], ".", color="#0072B2", ms=1.5, mew=0)
-            style.panel(axes, letter, method)
+            # A white rim lets the dots be seen on black, their blue on white.
+            axes.plot(kept["x1"], kept["x2"], "o", color="#0072B2", ms=1.7, mec="white", mew=0.25)
+            style.panel(axes, letter, f"{method}, seed {seed}")
             nodes = mission.table[["x1", "x2"]].assign(abs_error=errors[method].ravel())
             frames += [
                 nodes.assign(method=method, kind="node"),
                 kept[["x1", "x2"]].assign(method=method, kind="sample kept"),
             ]
         row[1].set_ylabel("")
-        style.colour_bar(image, row[-1], f"absolute error ({selection.unit})", extend="max")
+        style.colour_bar(
+            image, row[-1], f"absolute error ({style.plain(selection.unit)})", extend="max"
+        )
         numbers = pd.concat(frames)[["method", "kind", "x1", "x2", "abs_error"]]
         return style.save(figure, folder, "fig7", numbers)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import grid_of, on_grid
 from infoplan.analyse.tables import Selection, load_maps, load_samples
 from infoplan.draw.style import Extent
@@ -25,7 +26,9 @@ class MissionMaps:
         xmin, xmax, ymin, ymax of the workspace.
     truth, mean, std, density
         On the query grid, shape (rows, columns), row 0 at the bottom; terrain's unit, the smoothed
-        outlier density in samples.
+        outlier density in samples. NaN where a value is infinite or beyond all measure.
+    rmse
+        Final root mean squared error, terrain's unit.
     """
 
     samples: pd.DataFrame
@@ -35,11 +38,7 @@ class MissionMaps:
     mean: Floats
     std: Floats
     density: Floats
-
-    @property
-    def rmse(self) -> float:
-        """Final root mean squared error, terrain's unit."""
-        return float(np.sqrt(np.mean((self.mean - self.truth) ** 2)))
+    rmse: float
 
 
 def mission_maps(
@@ -48,5 +47,11 @@ def mission_maps(
     """Load the end of one mission of a method."""
     one = selection.only([str(selection.run(method, rho, scope))], [seed])
     table = load_maps(one)
-    maps = {name: on_grid(table, name) for name in ("truth", "mean", "std", "outlier_density")}
-    return MissionMaps(load_samples(one), table, grid_of(table).extent, *maps.values())
+    truth, mean, std, density = (
+        on_grid(table, name) for name in ("truth", "mean", "std", "outlier_density")
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        rmse = float(np.sqrt(np.mean((mean - truth) ** 2)))
+    truth, mean, std = (drawable(values, truth) for values in (truth, mean, std))
+    extent = grid_of(table).extent
+    return MissionMaps(load_samples(one), table, extent, truth, mean, std, density, rmse)

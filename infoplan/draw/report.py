@@ -2,20 +2,26 @@
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from string import Template
 from typing import Any
 
 from infoplan import __version__
-from infoplan.analyse.claims import METHODS, judge_claims
+from infoplan.analyse.claims import METHODS, WORDS, judge_claims
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
 from infoplan.analyse.statistics import Interval
-from infoplan.analyse.tables import Selection, changed_options
-from infoplan.draw import claims_table, style
-from infoplan.draw.claims_table import number
+from infoplan.analyse.tables import (
+    Selection,
+    changed_options,
+    differing,
+    study_of,
+    told_apart,
+)
+from infoplan.draw import claims_table
 from infoplan.draw.report_data import (
     Findings,
     Panel,
@@ -28,16 +34,34 @@ from infoplan.draw.report_data import (
     read_footers,
     run_records,
 )
-from infoplan.errors import RunError
+from infoplan.errors import RunError, UsageError
+from infoplan.method_identity import looks
+from infoplan.wording import counted, figure, harmless
 
 PAGE = Path(__file__).with_name("report_page.html")
 """The page; style sheet and script lie beside it."""
 
-METHOD_WORDS = (
-    "UCT plans paths through uncertain places; PUCT weighs them against places where outliers were "
-    "flagged. NONE keeps every sample, BEST drops the true outliers, COPOD drops what its detector "
-    "flags."
-)
+BEYOND_PAGE = 1e100
+"""An effect that large would leave no room for others on their axis."""
+
+Scale = tuple[float, float]
+
+PLANNERS = {
+    "uct": "UCT plans paths through uncertain places",
+    "puct": "PUCT weighs uncertain places against places where outliers were flagged",
+    "weighted": "WEIGHTED plans by a weighted sum of both",
+    "greedy": "GREEDY takes the best next action, one after the other",
+    "lawnmower": "LAWNMOWER covers the map in parallel tracks",
+    "random": "RANDOM drives at random",
+}
+DETECTORS = {
+    "none": "NONE keeps every sample",
+    "best": "BEST drops the true outliers",
+    "copod": "COPOD drops what its detector flags",
+    "gp_residual": "GP_RESIDUAL drops what lies far from the model",
+    "local": "LOCAL drops what lies far from its neighbours",
+}
+"""What the built-in planners and detectors do, as parts of the methods' names."""
 
 
 def write_report(selection: Selection) -> Path:
@@ -46,7 +70,8 @@ def write_report(selection: Selection) -> Path:
     Parameters
     ----------
     selection
-        From `infoplan.analyse.find_study`.
+        From `infoplan.analyse.find_missions`. Runs of one method with other options are shown
+        beside each other; the claims are judged by what `infoplan.analyse.find_study` would take.
 
     Returns
     -------
@@ -74,8 +99,13 @@ def write_report(selection: Selection) -> Path:
 
 def render(selection: Selection) -> str:
     """Build the page of a selection of missions."""
+    claims, reason = _judged(selection)
+    selection = told_apart(selection)
+    selection = replace(
+        selection, terrain=harmless(selection.terrain), unit=harmless(selection.unit)
+    )
     panels, findings = panels_of(selection), read_findings(selection)
-    claims, footers = judge_claims(selection), read_footers(selection)
+    footers = read_footers(selection)
     quality, places = quality_charts(selection, panels), alarm_map(selection, panels)
     first = _papers_own(panels).title
     data = {
@@ -88,11 +118,11 @@ def render(selection: Selection) -> str:
     }
     days = sorted({footer["ended"][:10] for footer in footers})
     parts = {
-        "title": escape(claims_table.heading(selection)),
-        "subtitle": escape(f"{_count(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"),
+        "title": _html(claims_table.heading(selection)),
+        "subtitle": _html(f"{counted(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"),
         "summary": _summary(selection, panels, findings, claims),
         "finals": _finals(selection, panels, findings),
-        "claims": _claims(claims),
+        "claims": _claims(claims, reason),
         "detector": _detector(quality, panels, findings),
         "places": _places(places, selection),
         "runs": _runs(selection, findings, footers),
@@ -100,9 +130,19 @@ def render(selection: Selection) -> str:
         "data": _embedded(data),
         "style": PAGE.with_suffix(".css").read_text(encoding="utf-8"),
         "script": PAGE.with_suffix(".js").read_text(encoding="utf-8"),
-        "version": escape(__version__),
+        "version": _html(__version__),
     }
     return Template(PAGE.read_text(encoding="utf-8")).substitute(parts)
+
+
+def _judged(selection: Selection) -> tuple[list[Claim], str]:
+    """Judge the claims by the missions that make a study, and say what was left out of it."""
+    try:
+        study = study_of(selection)
+    except UsageError as error:
+        return [], f"the claims were not judged: {error}"
+    left_out = [note for note in study.notes if note not in selection.notes]
+    return judge_claims(study), "; ".join(left_out)
 
 
 def _methods(panels: Sequence[Panel]) -> list[dict[str, Any]]:
@@ -112,18 +152,22 @@ def _methods(panels: Sequence[Panel]) -> list[dict[str, Any]]:
     return [
         {
             "name": method,
-            "colour": colour,
-            "dash": _dash(style.DASHES[method]),
+            "colour": look.colour,
+            "dash": _dash(look.dashes),
             "shown": method in (papers_own or present),
         }
-        for method, colour in style.COLOURS.items()
-        if method in present
+        for method, look in looks(present).items()
     ]
 
 
-def _dash(dashes: Any) -> str:
+def _dash(dashes: Sequence[float]) -> str:
     """Write a line style as SVG does, for a line of two pixels."""
-    return "" if dashes == "solid" else " ".join(f"{2 * length:g}" for length in dashes[1])
+    return " ".join(f"{2 * length:g}" for length in dashes)
+
+
+def _html(text: object) -> str:
+    """Write any text so that a page shows it, and it is nothing but text."""
+    return escape(harmless(text))
 
 
 def _first(candidates: Sequence[dict[str, Any]], wanted: dict[str, str]) -> int:
@@ -148,10 +192,10 @@ def _summary(
     seeds = " to ".join(str(n) for n in _ends(sorted(set(runs))))
     introduction = (
         f"A robot collects {selection.budget} elevation samples of {selection.terrain}; a share ρ "
-        f"of each batch becomes outliers. {METHOD_WORDS}",
-        f"The page shows {_count(int(runs.sum()), 'finished mission')} of "
-        f"{_count(len(runs), 'run')}, {seeds} seed{'' if seeds == '1' else 's'} a run. Numbers are "
-        "means over seeds, with 95 % bootstrap intervals over whole seeds in brackets.",
+        f"of each batch becomes outliers. {_method_words(selection)}",
+        f"The page shows {counted(int(runs.sum()), 'finished mission')} of "
+        f"{counted(len(runs), 'run')}, {seeds} seed{'' if seeds == '1' else 's'} a run. Numbers "
+        "are means over seeds, with 95 % bootstrap intervals over whole seeds in brackets.",
     )
     points = [_ranking(panel, findings, selection.unit) for panel in panels]
     judging = [panel for panel in panels if panel.judging]
@@ -161,19 +205,42 @@ def _summary(
         for verdict in ("supported", "contradicted", "undecided", "missing")
         if (names := [_anchor(claim.name) for claim in claims if claim.verdict == verdict])
     )
-    cautions = [f"<p>{escape(_sentence(line))}</p>" for line in claims_table.remarks([], selection)]
+    lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
+    cautions = [f"<p>{_html(_sentence(line))}</p>" for line in lines]
     return (
-        "".join(f"<p>{escape(text)}</p>" for text in introduction)
-        + f"<p>Of the paper's {len(claims)} claims:</p>"
-        + f'<ul class="verdicts">{told}</ul>'
+        "".join(f"<p>{_html(text)}</p>" for text in introduction)
+        + (f"<p>Of the paper's {len(claims)} claims:</p>" if claims else "")
+        + (f'<ul class="verdicts">{told}</ul>' if claims else "")
         + "<p>In words:</p>"
-        + f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in points)}</ul>"
+        + f"<ul>{''.join(f'<li>{_html(text)}</li>' for text in points)}</ul>"
         + (f'<div class="note">{"".join(cautions)}</div>' if cautions else "")
     )
 
 
+def _method_words(selection: Selection) -> str:
+    """Say what the methods of a page do, by the parts of their names."""
+    missions = selection.missions
+    sentences = []
+    for column, words in (("planner", PLANNERS), ("detector", DETECTORS)):
+        there = list(dict.fromkeys(missions[column]))
+        told = [words[name] for name in words if name in there]
+        told += [f"{name.upper()} drops what that class of PyOD flags" for name in sorted(there)
+                 if name.startswith("pyod_")]  # fmt: skip
+        sentences += [f"{'; '.join(told)}."] if told else []
+    if any(flat["model.name"] == "student_t" for flat in selection.options.values()):
+        sentences.append("STUDENT_T models the noise with heavy tails.")
+    return " ".join(sentences)
+
+
+def _gaps(panels: Sequence[Panel], findings: Findings) -> list[str]:
+    """Name the runs whose errors are not all in the charts."""
+    lost = {run for panel in panels for run in findings.gaps(panel.runs.values())}
+    return [f"the charts have gaps where errors are infinite or beyond all measure: "
+            f"{', '.join(sorted(lost))}"] if lost else []  # fmt: skip
+
+
 def _anchor(claim: str) -> str:
-    return f'<a href="#{escape(claim)}">{escape(claim)}</a>'
+    return f'<a href="#{_html(claim)}">{_html(claim)}</a>'
 
 
 def _papers_own(panels: Sequence[Panel]) -> Panel:
@@ -184,7 +251,8 @@ def _papers_own(panels: Sequence[Panel]) -> Panel:
 def _ranking(panel: Panel, findings: Findings, unit: str) -> str:
     """Say in which order the methods of a panel end."""
     finals = {method: findings.interval(run, "final") for method, run in panel.runs.items()}
-    best, *others = sorted(finals, key=lambda method: finals[method].mean)
+    known = {method: one.mean for method, one in finals.items() if not math.isnan(one.mean)}
+    best, *others = sorted(finals, key=lambda method: known.get(method, math.inf))
     told = f"{panel.title}: {best} ends with an RMSE of {interval_text(finals[best])} {unit}"
     if others:
         told = told.replace(" ends with an", " ends lowest, with an")
@@ -207,7 +275,7 @@ def _detection(panel: Panel, findings: Findings) -> str:
 
 
 def _finals(selection: Selection, panels: Sequence[Panel], findings: Findings) -> str:
-    methods = [name for name in style.COLOURS if any(name in panel.runs for panel in panels)]
+    methods = looks(name for panel in panels for name in panel.runs)
     tables = []
     for name, what in (("final", f"RMSE at {selection.budget} samples"), ("area", "mean RMSE")):
         rows = [[method, *(_number_of(panel, method, name, findings) for panel in panels)]
@@ -223,45 +291,50 @@ def _number_of(panel: Panel, method: str, name: str, findings: Findings) -> str:
     )
 
 
-def _claims(claims: Sequence[Claim]) -> str:
+def _claims(claims: Sequence[Claim], reason: str) -> str:
+    told = f'<div class="note"><p>{_html(_sentence(reason))}</p></div>' if reason else ""
+    if not claims:
+        return told
+    scales = _scales(claims)
     headings = ("claim, and what was compared", "effect [95 %]", "", "stated", "seeds", "verdict")
-    head = "".join(f'<th role="columnheader" scope="col">{escape(text)}</th>' for text in headings)
+    head = "".join(f'<th role="columnheader" scope="col">{_html(text)}</th>' for text in headings)
     lacking: dict[str, list[str]] = {}
     for claim in claims:
         if claim.commands:
             lacking.setdefault(" && ".join(claim.commands), []).append(claim.name)
     notes = "".join(
-        f"<p>Runs are lacking for {escape(', '.join(names))}; make them with "
-        f"<code>{escape(command)}</code></p>"
+        f"<p>Runs are lacking for {_html(', '.join(names))}; make them with "
+        f"<code>{_html(command)}</code></p>"
         for command, names in lacking.items()
     )
     return (
         "<p>A claim is supported if every comparison it names has its 95 % interval on the side "
         "stated, contradicted if one lies wholly on the other side, else undecided. Differences "
-        "are paired by seed. In the small pictures the shaded side is the one stated.</p>"
+        "are paired by seed. In the small pictures the shaded side is the one stated; all that "
+        f"have one unit have one scale: {_html(_scale_words(scales))}.</p>{told}"
         f'<table class="claims" role="table"><thead role="rowgroup"><tr role="row">{head}</tr>'
-        f"</thead>{''.join(_claim(claim) for claim in claims)}</table>"
+        f"</thead>{''.join(_claim(claim, scales) for claim in claims)}</table>"
         + (f'<div class="note">{notes}</div>' if notes else "")
     )
 
 
-def _claim(claim: Claim) -> str:
+def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
     advice = claims_table.advice(claim)
     rows = [
-        f'<tr class="claim" role="row" id="{escape(claim.name)}">'
-        f'<th role="rowheader" scope="rowgroup" colspan="5">{escape(f"{claim.name}: {claim.text}")}'
-        + (f'<br><span class="muted">{escape(_sentence(advice))}</span>' if advice else "")
+        f'<tr class="claim" role="row" id="{_html(claim.name)}">'
+        f'<th role="rowheader" scope="rowgroup" colspan="5">{_html(f"{claim.name}: {claim.text}")}'
+        + (f'<br><span class="muted">{_html(_sentence(advice))}</span>' if advice else "")
         + f'</th><td role="cell">{_chip(claim.verdict)}</td></tr>'
     ]
     for item in claim.comparisons:
         side = claims_table.stated(item.stated, item.unit)
         cells = (
-            ("compared", "", escape(item.what)),
-            ("number", "", escape(claims_table.effect(item))),
-            ("picture", "", _whisker(item)),
-            ("number", "stated", escape(side)),
+            ("compared", "", _html(item.what)),
+            ("number", "", _html(claims_table.effect(item))),
+            ("picture", "", _whisker(item, scales)),
+            ("number", "stated", _html(side)),
             ("number", "seeds", str(item.effect.n)),
-            (item.verdict, "", escape(item.verdict)),
+            (item.verdict, "", _html(item.verdict)),
         )
         # On a narrow screen the cells stand below each other: the labels take the headings' place.
         made = (f'<td role="cell" class="{k}" data-label="{t}">{html}</td>' for k, t, html in cells)
@@ -270,21 +343,49 @@ def _claim(claim: Claim) -> str:
 
 
 def _chip(verdict: str) -> str:
-    return f'<span class="chip {escape(verdict)}">{escape(verdict)}</span>'
+    return f'<span class="chip {_html(verdict)}">{_html(verdict)}</span>'
 
 
-def _whisker(item: Comparison) -> str:
-    """Picture of an effect: its interval, the side stated, and zero."""
+def _unit(item: Comparison) -> str:
+    """Name the unit of an effect's axis: without one it counts false alarms, or is a share."""
+    counts = item.what.endswith(f": {WORDS['fp']}")
+    return item.unit or (WORDS["fp"] if counts else "shares")
+
+
+def _scales(claims: Sequence[Claim]) -> dict[str, Scale]:
+    """Find the ends of the axis that all effects of a unit share; zero lies on it."""
+    ends: dict[str, list[float]] = {}
+    for item in (item for claim in claims for item in claim.comparisons if item.effect.n):
+        effect, stated = item.effect, item.stated
+        marks = (0.0, effect.mean, effect.low, effect.high, stated.low, stated.high)
+        ends.setdefault(_unit(item), []).extend(mark for mark in marks if abs(mark) < BEYOND_PAGE)
+    margins = {unit: 0.05 * (max(marks) - min(marks)) or 1.0 for unit, marks in ends.items()}
+    return {
+        unit: (min(marks) - margins[unit], max(marks) + margins[unit])
+        for unit, marks in ends.items()
+    }
+
+
+def _scale_words(scales: Mapping[str, Scale]) -> str:
+    return ", ".join(
+        f"{figure(low)} to {figure(high)} {unit}" for unit, (low, high) in scales.items()
+    )
+
+
+def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
+    """Picture of an effect: its interval, the side stated, and zero, on the axis of its unit."""
     effect, stated = item.effect, item.stated
-    if effect.n == 0:
+    if effect.n == 0 or not math.isfinite(effect.mean):
         return ""
-    marks = [effect.mean, effect.low, effect.high, stated.low, stated.high, 0.0]
-    finite = [value for value in marks if math.isfinite(value)]
-    margin = 0.15 * (max(finite) - min(finite)) or 1.0
-    low, span = min(finite) - margin, max(finite) - min(finite) + 2 * margin
-    places = [round(130 * min(max((value - low) / span, 0.0), 1.0), 1) for value in marks]
-    middle, left, right, start, end, zero = places
-    known = not math.isnan(effect.low)
+    low, high = scales[_unit(item)]
+    marks = (effect.mean, effect.low, effect.high, stated.low, stated.high, 0.0)
+    shares = [min(max((value - low) / (high - low), 0.0), 1.0) for value in marks]
+    middle, left, right, start, end, zero = (round(4 + 122 * share, 1) for share in shares)
+    start, end = (
+        0.0 if math.isinf(stated.low) else start,
+        130.0 if math.isinf(stated.high) else end,
+    )
+    known = not (math.isnan(effect.low) or math.isnan(effect.high))
     interval = f'<path class="whisker" d="M{left} 8H{right}"/>' if known else ""
     return (
         '<svg viewBox="0 0 130 16" aria-hidden="true">'
@@ -322,7 +423,7 @@ def _detector(quality: dict[str, Any], panels: Sequence[Panel], findings: Findin
 def _places(places: dict[str, Any], selection: Selection) -> str:
     if not places["runs"]:
         return "<p>No run here has a detector that can err.</p>"
-    unit = escape(selection.unit)
+    unit = _html(selection.unit)
     headings = ("land", f"local relief ({unit})", f"final RMSE ({unit})", "false-alarm rate")
     head = "".join(f'<th scope="col">{text}</th>' for text in headings)
     return (
@@ -340,10 +441,12 @@ def _places(places: dict[str, Any], selection: Selection) -> str:
 
 def _runs(selection: Selection, findings: Findings, footers: Sequence[dict[str, Any]]) -> str:
     hours, minutes = divmod(round(sum(footer["seconds"] for footer in footers) / 60), 60)
+    differ = differing(selection.options)
     rows = [
         [
             record["run"],
             seeds_text(record["seeds"]),
+            *(_option(selection.options[record["run"]].get(name)) for name in differ),
             interval_text(record["final"]),
             period_text(record["started"], record["ended"]),
             f"{record['seconds']:.1f}",
@@ -351,7 +454,7 @@ def _runs(selection: Selection, findings: Findings, footers: Sequence[dict[str, 
         for record in run_records(selection, findings)
     ]
     final = f"final RMSE ({selection.unit})"
-    headings = ["run", "seeds", final, "flown (UTC)", "seconds a mission"]
+    headings = ["run", "seeds", *differ, final, "flown (UTC)", "seconds a mission"]
     took = f"{hours} h {minutes} min" if hours else f"{minutes} min"
     return (
         f"<p>The missions took {took} one after the other; the seconds are the median of a run's. "
@@ -363,11 +466,11 @@ def _provenance(selection: Selection, footers: Sequence[dict[str, Any]]) -> str:
     entries = []
     for name, values in provenance_facts(footers).items():
         lines = [
-            f"<code>{escape(value)}</code>"
-            + ("" if len(values) == 1 else f" ({_count(count, 'mission')})")
+            f"<code>{_html(value)}</code>"
+            + ("" if len(values) == 1 else f" ({counted(count, 'mission')})")
             for value, count in values.most_common()
         ]
-        entries.append(f"<dt>{escape(name)}</dt><dd>{'<br>'.join(lines)}</dd>")
+        entries.append(f"<dt>{_html(name)}</dt><dd>{'<br>'.join(lines)}</dd>")
     changed: dict[str, list[str]] = {}
     for flat in selection.options.values():
         for name, value in changed_options(flat).items():
@@ -377,7 +480,7 @@ def _provenance(selection: Selection, footers: Sequence[dict[str, Any]]) -> str:
     for name in ("terrain.name", "terrain.sha256", "terrain.unit", "numerics_version"):
         changed.pop(name, None)  # no options, or told above
     options = ", ".join(f"{name}={' or '.join(values)}" for name, values in changed.items())
-    told = f"<code>{escape(options)}</code>, the others" if options else "all"
+    told = f"<code>{_html(options)}</code>, the others" if options else "all"
     entries.append(f"<dt>options</dt><dd>{told} as they come</dd>")
     return (
         "<p>From the footers of the tables, which hold each run's whole configuration, too.</p>"
@@ -394,19 +497,19 @@ def _table(
 ) -> str:
     """Lay texts out as a table, numbers from the second column on; too wide, it scrolls."""
     first, *others = headings
-    head = f'<th scope="col">{escape(first)}</th>' + "".join(
-        f'<th scope="col" class="number">{escape(text)}</th>' for text in others
+    head = f'<th scope="col">{_html(first)}</th>' + "".join(
+        f'<th scope="col" class="number">{_html(text)}</th>' for text in others
     )
     body = "".join(
-        f'<tr><th scope="row">{escape(name)}</th>'
-        + "".join(f'<td class="number">{escape(text)}</td>' for text in numbers)
+        f'<tr><th scope="row">{_html(name)}</th>'
+        + "".join(f'<td class="number">{_html(text)}</td>' for text in numbers)
         + "</tr>"
         for name, *numbers in rows
     )
-    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    title = f"<caption>{_html(caption)}</caption>" if caption else ""
     kind = ' class="sortable"' if sortable else ""
     return (
-        f'<div class="scroll" role="region" aria-label="{escape(caption or first)}" tabindex="0">'
+        f'<div class="scroll" role="region" aria-label="{_html(caption or first)}" tabindex="0">'
         f"<table{kind}>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
@@ -417,8 +520,8 @@ def _table(
 def interval_text(interval: Interval) -> str:
     """Write a mean with its interval: 525 [409, 644]."""
     if math.isnan(interval.low):
-        return "–" if math.isnan(interval.mean) else number(interval.mean)
-    return f"{number(interval.mean)} [{number(interval.low)}, {number(interval.high)}]"
+        return "–" if math.isnan(interval.mean) else figure(interval.mean)
+    return f"{figure(interval.mean)} [{figure(interval.low)}, {figure(interval.high)}]"
 
 
 def seeds_text(seeds: Sequence[int]) -> str:
@@ -449,8 +552,9 @@ def _percent(share: float) -> str:
     return "–" if math.isnan(share) else f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
-def _count(n: int, thing: str) -> str:
-    return f"{n} {thing}{'' if n == 1 else 's'}"
+def _option(value: Any) -> str:
+    """Write an option's value; a run that has not the option gets a dash."""
+    return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _sentence(text: str) -> str:

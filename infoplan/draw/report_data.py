@@ -7,6 +7,7 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.analyse.curves import common_axis, missions, on_common_axis, summarise
+from infoplan.analyse.curves import common_axis, drawable, missions, on_common_axis, summarise
 from infoplan.analyse.detection import detector_quality
 from infoplan.analyse.relief import by_relief, grid_of, on_grid
 from infoplan.analyse.statistics import RESAMPLES, Interval, bootstrap_band, bootstrap_mean
 from infoplan.analyse.tables import Selection, load_curves, load_samples
-from infoplan.draw import style
+from infoplan.backend import load_matplotlib
 from infoplan.draw.fig5 import PANELS
+from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.store import read_footer, read_table, table_path
 
 Floats = NDArray[np.float64]
@@ -50,12 +52,15 @@ class Panel:
     rho, scope
         Which.
     runs
-        Name of each method's run, in the order of `style.COLOURS`.
+        Name of each method's run, in the order of a legend.
+    judging
+        Those of them whose detector can err.
     """
 
     rho: float
     scope: str
     runs: dict[str, str]
+    judging: dict[str, str]
 
     @property
     def title(self) -> str:
@@ -63,24 +68,22 @@ class Panel:
         letter = LETTERS.get((self.rho, self.scope))
         return f"{f'({letter}) ' if letter else ''}ρ = {self.rho:g}, {self.scope} scope"
 
-    @property
-    def judging(self) -> dict[str, str]:
-        """The runs whose detector can err."""
-        return {m: run for m, run in self.runs.items() if not m.endswith(("-NONE", "-BEST"))}
-
 
 def panels_of(selection: Selection) -> list[Panel]:
     """List the panels that the stored runs fill, the paper's first."""
     missions = selection.missions
-    judging = missions[~missions["detector"].isin(["none", "best"])]
+    judging = missions[~missions["detector"].isin(NEVER_ERRS)]
+    can_err = set(judging["run"])
     keys = set(zip(judging["rho"], judging["scope"], strict=True))
     # NONE and BEST go with either scope: they make a panel of their own only where they are alone.
     keys |= {(rho, "batch") for rho in set(missions["rho"]) - {rho for rho, _ in keys}}
     ordered = sorted(keys, key=lambda key: (LETTERS.get(key, "other"), key[1], key[0]))
     panels = []
     for rho, scope in ordered:
-        found = {method: selection.run(method, rho, scope) for method in style.COLOURS}
-        panels.append(Panel(float(rho), scope, {m: run for m, run in found.items() if run}))
+        found = {method: selection.run(method, rho, scope) for method in looks(missions["method"])}
+        runs = {method: run for method, run in found.items() if run}
+        errs = {method: run for method, run in runs.items() if run in can_err}
+        panels.append(Panel(float(rho), scope, runs, errs))
     return panels
 
 
@@ -104,7 +107,18 @@ class Findings:
 
     def interval(self, run: str, name: str) -> Interval:
         """Mean over a run's seeds of a number a mission, with its 95 % interval."""
-        return bootstrap_mean(self.summaries.loc[[run], name])
+        with np.errstate(invalid="ignore", over="ignore"):
+            return bootstrap_mean(self.summaries.loc[[run], name])
+
+    def gaps(self, runs: Iterable[str]) -> list[str]:
+        """Those of some runs that have errors which no chart shows."""
+        return [run for run in runs if not np.isfinite(self.shown[run].to_numpy()).all()]
+
+    @cached_property
+    def shown(self) -> pd.DataFrame:
+        """The curves with gaps where an error is infinite or beyond all measure."""
+        values = self.curves.to_numpy()
+        return self.curves.mask(np.isnan(drawable(values, values)))
 
     def pooled(self, run: str) -> dict[str, float]:
         """Confusion counts of all of a run's missions together."""
@@ -126,7 +140,7 @@ def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, 
     for panel in panels:
         lines = []
         for method, run in panel.runs.items():
-            seeds = findings.curves[run]
+            seeds = findings.shown[run]
             singles = {str(seed): _rounded(seeds[seed]) for seed in seeds}
             lines.append(_line(method, bootstrap_band(seeds.to_numpy().T)) | {"seeds": singles})
         charts.append({"title": panel.title, "lines": lines})
@@ -280,6 +294,7 @@ def packed(samples: pd.DataFrame, extent: Extent) -> str:
     str
         For each position x and y as two digits to the base 36: 0 to 1295 across the extent.
     """
+    samples = samples[np.isfinite(samples[["x1", "x2"]].to_numpy(dtype=float)).all(axis=1)]
     chosen = np.linspace(0, len(samples) - 1, min(len(samples), MAP_POINTS)).round().astype(int)
     xmin, xmax, ymin, ymax = extent
     x, y = samples[["x1", "x2"]].to_numpy()[chosen].T
@@ -290,11 +305,14 @@ def packed(samples: pd.DataFrame, extent: Extent) -> str:
 
 def hill_shade(elevation: Floats, extent: Extent) -> str:
     """Shade a map in grey, light from the north-west; returns a PNG as a data URI."""
+    load_matplotlib()
     from matplotlib.colors import LightSource
     from PIL import Image
     from scipy.ndimage import zoom
 
-    fine = zoom(elevation, [SHADE_PIXELS / nodes for nodes in elevation.shape], order=3)
+    fine = zoom(
+        np.nan_to_num(elevation), [SHADE_PIXELS / nodes for nodes in elevation.shape], order=3
+    )
     dx, dy = (extent[1] - extent[0]) / SHADE_PIXELS, (extent[3] - extent[2]) / SHADE_PIXELS
     # Heights and lengths have different units: the steep tenth of the map gets 45 degrees.
     steep = float(np.quantile(np.hypot(*np.gradient(fine, dy, dx)), 0.9)) or 1.0
@@ -377,5 +395,5 @@ def _line(method: str, band: Floats) -> dict[str, Any]:
 
 
 def _rounded(values: Iterable[float]) -> list[float | None]:
-    """Four digits are more than a chart shows; None where there is no value."""
-    return [None if math.isnan(value) else float(f"{value:.4g}") for value in values]
+    """Four digits are more than a chart shows; None where there is no finite value."""
+    return [float(f"{value:.4g}") if math.isfinite(value) else None for value in values]

@@ -27,8 +27,11 @@
 
   function shown(value) {
     if (value === null || value === undefined) return "–";
-    const size = Math.abs(value);
-    return value.toFixed(size >= 100 || value === 0 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3);
+    if (value === 0) return "0";
+    // Three significant digits, and none before the point lost.
+    const size = Math.abs(Number(value.toPrecision(3)));
+    if (size >= 1e7 || size < 1e-3) return value.toExponential(2);
+    return value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
   }
 
   function press(button, on) {

@@ -1,5 +1,6 @@
 """One look for all figures: sizes, fonts, colours, files."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+
+from infoplan.backend import load_matplotlib
+from infoplan.method_identity import Look
+from infoplan.wording import csv_cell, harmless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,25 +28,8 @@ COLUMN = 3.5
 PAGE = 7.16
 """Width of two columns, inches."""
 
-COLOURS = {
-    "UCT-NONE": "#D55E00",
-    "UCT-BEST": "#009E73",
-    "UCT-COPOD": "#CC79A7",
-    "PUCT-COPOD": "#0072B2",
-    "PUCT-NONE": "#E69F00",
-    "PUCT-BEST": "#56B4E9",
-}
-"""A method's colour in every figure (Okabe and Ito's palette, safe for colour-blind readers)."""
-
-DASHES = {
-    "UCT-NONE": (0, (1, 1)),
-    "UCT-BEST": (0, (5, 1.2, 1, 1.2)),
-    "UCT-COPOD": (0, (4, 1.5)),
-    "PUCT-COPOD": "solid",
-    "PUCT-NONE": (0, (1, 2)),
-    "PUCT-BEST": (0, (5, 1.2, 1, 1.2, 1, 1.2)),
-}
-"""A method's line in every figure, for print without colours."""
+LONGEST = 60
+"""So many characters of a user's text does a picture show; more would push the axes aside."""
 
 ELEVATION, DEVIATION, ERROR, DENSITY = "viridis", "cividis", "magma_r", "YlOrBr"
 """Colour maps; lightness alone tells their values apart."""
@@ -78,16 +66,32 @@ SETTINGS: Any = {
 @contextmanager
 def journal() -> Iterator[None]:
     """Draw with the journal's settings inside this context, and leave the user's alone."""
+    load_matplotlib()
     import matplotlib as mpl
 
-    with mpl.rc_context():
+    with mpl.rc_context(), warnings.catch_warnings():
+        # A name in a script that the font has not is drawn as boxes.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
         mpl.rcdefaults()
         mpl.rcParams.update(SETTINGS)
         yield
 
 
+def line(look: Look) -> dict[str, Any]:
+    """Give colour and style of a method's line as matplotlib's arguments."""
+    return {"color": look.colour, "linestyle": (0, look.dashes) if look.dashes else "solid"}
+
+
+def plain(text: object) -> str:
+    """Write text of unknown origin for a picture, which shows it as it is: no formulas."""
+    shown = harmless(text)
+    shown = shown if len(shown) <= LONGEST else f"{shown[: LONGEST - 1]}…"
+    return shown.replace("$", r"\$")
+
+
 def new_figure(width: float, height: float) -> "Figure":
     """Return an empty figure of a size in inches; drawn by Agg, without pyplot's state."""
+    load_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -118,7 +122,12 @@ def save(figure: "Figure", folder: Path, name: str, numbers: pd.DataFrame) -> li
     figure.savefig(paths[0], dpi=300)
     # Without a date the same results give the same file.
     figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
-    numbers.to_csv(paths[2], index=False, float_format="%.10g")
+    texts = {
+        str(name): column.map(csv_cell, na_action="ignore")
+        for name, column in numbers.items()
+        if not pd.api.types.is_numeric_dtype(column)
+    }
+    numbers.assign(**texts).to_csv(paths[2], index=False, float_format="%.10g")
     return paths
 
 

@@ -1,6 +1,5 @@
 """What a worker does: fly one mission and hand back its tables, or say why not."""
 
-import os
 import threading
 import time
 import traceback
@@ -10,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
+from infoplan.backend import load_matplotlib
 from infoplan.config import DetectorConfig, MissionConfig, TerrainConfig, with_values
 from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import NUMERICS_VERSION, Run
@@ -80,7 +80,6 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
         Called with 0 and None at the start, then with (samples collected, RMSE) after each epoch.
     """
     report = report or (lambda collected, rmse: None)
-    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
     started, clock = datetime.now(UTC), time.perf_counter()
     report(0, None)
     try:
@@ -151,11 +150,11 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
     address
         Where a display listens that is told if compiling takes long.
     """
-    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
     from infoplan.mission import Mission
     from infoplan.terrain import load_terrain
 
     if any(config.detector.name == "pyod" for config in configs):
+        load_matplotlib()  # as PyOD does
         with suppress(ImportError):
             import pyod.models.base  # noqa: F401 - takes a second
     if not compiling:

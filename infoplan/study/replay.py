@@ -4,7 +4,6 @@ Nothing is planned, so whatever differs between a run and its replay is the dete
 model's doing, and not that of where the robot went.
 """
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -365,8 +364,6 @@ def _store(
 
 def _replay_seed(results_dir: Path, source: str, task: Task) -> Outcome:
     """Replay one mission in a worker."""
-    os.environ.setdefault("MPLBACKEND", "Agg")  # PyOD imports pyplot
-
     run, started, clock = task.run, datetime.now(UTC), time.perf_counter()
     try:
         samples, maps = (

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.backend import load_matplotlib
+
 UNIT = "m"
 
 
@@ -16,6 +18,7 @@ def jacksboro() -> NDArray[np.float64]:
     ndarray, shape (344, 403)
         Metres; row 0 is the south, column 0 the west.
     """
+    load_matplotlib()
     from matplotlib.cbook import get_sample_data
 
     with np.load(get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)) as content:

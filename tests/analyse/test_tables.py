@@ -87,7 +87,7 @@ def test_a_study_takes_the_default_options_and_says_so(tmp_path):
     other = made_tables.store(tmp_path, "puct-copod", planner__exploration=0.5)
     study = find_study(tmp_path)
     assert list(study.options) == [usual]
-    assert "1 runs with other than the default planner.exploration" in study.notes[0]
+    assert study.notes[0].startswith("1 run with other than the default planner.exploration left")
     chosen = find_study(tmp_path, **{"planner.exploration": 0.5})
     assert list(chosen.options) == [other]
     assert not chosen.notes

@@ -15,6 +15,7 @@ from infoplan.analyse.audit.stored import (
     demand,
     demand_close,
 )
+from infoplan.backend import load_matplotlib
 
 REPLAYED_PRECISION = 1e-6
 """Relative difference allowed to a score that comes from a solve with the model's covariance."""
@@ -121,6 +122,7 @@ def _copod(mission: StoredMission, measured: Floats) -> tuple[Floats, Booleans]:
     contamination = float(mission.option("detector.contamination"))
     if mission.option("detector.score") == "pyod":
         # PyOD imports a plotting library: only an audit that needs it waits for that.
+        load_matplotlib()
         from pyod.models.copod import COPOD
 
         detector = COPOD(contamination=contamination).fit(measured.reshape(-1, 1))

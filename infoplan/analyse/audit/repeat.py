@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from infoplan.backend import load_matplotlib
+
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 FIRST_STEPS = 20
@@ -169,6 +171,7 @@ def pyod_judgement(
 
 
 def _pyod_class(name: str) -> Any:
+    load_matplotlib()  # as PyOD does
     import pyod.models
 
     for module in pkgutil.iter_modules(pyod.models.__path__):
