@@ -1,5 +1,6 @@
 """Stored missions: which are there, which belong together, and their tables."""
 
+import html
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import pandas as pd
 
 from infoplan.config import MissionConfig
 from infoplan.errors import RunError, UsageError
-from infoplan.wording import suggest
+from infoplan.wording import counted, harmless, suggest
 
 DEFAULT_TERRAIN = "helens"
 
@@ -26,7 +27,11 @@ Options = dict[str, Any]
 """A configuration with dotted names."""
 
 
-@dataclass(frozen=True)
+SHOWN = 30
+"""So many runs does a notebook show of a selection."""
+
+
+@dataclass(frozen=True, repr=False)
 class Selection:
     """Missions of one terrain and one budget, their tables comparable.
 
@@ -51,6 +56,29 @@ class Selection:
     unit: str
     budget: int
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Sum up in a line."""
+        counts = f"{counted(len(self.options), 'run')}, {counted(len(self.missions), 'mission')}"
+        return harmless(
+            f"Selection({counts}: {self.terrain}, budget {self.budget}, in {self.results_dir})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the runs in a notebook."""
+        named = differing(self.options)
+        lines = [["run", "seeds", *named]]
+        for run, flat in list(self.options.items())[:SHOWN]:
+            values = [option_text(flat[name]) if name in flat else "" for name in named]
+            lines.append([run, ", ".join(map(str, self.seeds(run))), *values])
+        cells = [
+            "".join(f"<td>{html.escape(harmless(text))}</td>" for text in line) for line in lines
+        ]
+        more = len(self.options) - SHOWN
+        below = [f"<p>and {counted(more, 'run')} more</p>"] if more > 0 else []
+        below += [f"<p>{html.escape(harmless(note))}</p>" for note in self.notes]
+        rows = "".join(f"<tr>{line}</tr>" for line in cells)
+        return f"<p>{html.escape(repr(self))}</p><table>{rows}</table>{''.join(below)}"
 
     def run(self, method: str, rho: float, scope: str = "batch") -> str | None:
         """Name of a method's run at an outlier share; None if there is none.
@@ -209,7 +237,9 @@ def load_curves(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The columns of the curve table, and ``run`` and ``method`` (as ``UCT-NONE``).
+        The columns of the curve table, and ``run`` and ``method`` (as ``UCT-NONE``); at the end a
+        column for each option in which the runs differ (`differing`), as ``planner.exploration``:
+        NaN or None where a run has no such option, a list as text (``[50,50]``).
 
     Raises
     ------
@@ -227,6 +257,45 @@ def load_samples(source: str | Path | Selection, **filters: Any) -> pd.DataFrame
 def load_maps(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
     """Load final maps, one row a node of the query grid; otherwise as `load_curves`."""
     return _load(source, "maps", filters)
+
+
+def differing(options: dict[str, Options]) -> list[str]:
+    """Name the options in which runs differ, the labels of a run left out.
+
+    Parameters
+    ----------
+    options
+        Configuration of each run, dotted names.
+
+    Returns
+    -------
+    list of str
+        In the order of the configurations. An option counts if the runs that have it do not agree;
+        ``terrain.sha256`` only if maps of one name do not.
+    """
+    names = dict.fromkeys(name for flat in options.values() for name in flat)
+    found = []
+    for name in names:
+        having = [flat for flat in options.values() if name in flat]
+        if name == "terrain.sha256":
+            maps = {(flat.get("terrain.name"), repr(flat[name])) for flat in having}
+            several = len(maps) > len({label for label, _ in maps})
+        else:
+            several = len({repr(flat[name]) for flat in having}) > 1
+        if several and name not in (*SWEPT, "terrain.name"):
+            found.append(name)
+    return found
+
+
+def option_text(value: Any) -> str:
+    """Write an option's value as the command line reads it, to the last digit."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(option_text, value))}]"
+    return str(value)
 
 
 def changed_options(options: Options) -> Options:
@@ -354,7 +423,7 @@ def _filtered(
     kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
     if kept.empty:
         raise UsageError(
-            f"there is no mission with {name}={_text(wanted)}: "
+            f"there is no mission with {name}={option_text(wanted)}: "
             f"there is {_found(missions, options, name)}"
         )
     return kept
@@ -390,15 +459,11 @@ def _found(missions: pd.DataFrame, options: dict[str, Options], name: str) -> st
     values = (
         missions[name]
         if name in LABELS
-        else missions["run"].map(lambda run: _text(options[run].get(name)))
+        else missions["run"].map(lambda run: option_text(options[run].get(name)))
     )
-    counts = values.map(_text).value_counts(sort=False)
+    counts = values.map(option_text).value_counts(sort=False)
     shown = [f"{value} ({count})" for value, count in counts.items()]
     return ", ".join(shown[:8]) + (" and others" if len(shown) > 8 else "")
-
-
-def _text(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None:
@@ -434,33 +499,35 @@ def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None
 
 def _agreeing(selection: Selection, options: dict[str, Options]) -> Selection:
     """Keep the runs that agree in all options: if several groups do, the default ones."""
-    differing = {
+    apart = {
         name
         for flat in options.values()
         for name in flat
         if len({repr(other.get(name)) for other in options.values()}) > 1
     }
-    if not differing:
+    if not apart:
         return selection
     default = default_options()
     left_out = {
         run
         for run, flat in options.items()
-        if any(flat.get(name) != default.get(name) for name in differing)
+        if any(flat.get(name) != default.get(name) for name in apart)
     }
-    named = sorted(differing)
+    named = sorted(apart)
     if len(left_out) == len(options):
         found = {
-            name: sorted({_text(flat.get(name)) for flat in options.values()}) for name in named
+            name: sorted({option_text(flat.get(name)) for flat in options.values()})
+            for name in named
         }
         listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
         raise UsageError(
             f"the runs do not belong together, they differ in {listed}: "
             f"choose with {named[0]}={found[named[0]][0]} or the like"
         )
+    which = "is left out; choose it" if len(left_out) == 1 else "are left out; choose them"
     note = (
-        f"{len(left_out)} runs with other than the default {', '.join(named)} are left out; "
-        f"choose them with {named[0]}=..."
+        f"{counted(len(left_out), 'run')} with other than the default {', '.join(named)} "
+        f"{which} with {named[0]}=..."
     )
     kept = selection.only(set(selection.missions["run"]) - left_out)
     return replace(kept, notes=(*selection.notes, note))
@@ -483,4 +550,13 @@ def _load(source: str | Path | Selection, table: str, filters: dict[str, Any]) -
             if name not in frame:
                 frame.insert(position, name, row[name])
         frames.append(frame)
-    return pd.concat(frames, ignore_index=True)
+    together = pd.concat(frames, ignore_index=True)
+    for name in differing(selection.options):
+        values = {run: _value(flat.get(name)) for run, flat in selection.options.items()}
+        together[name] = together["run"].map(values)
+    return together
+
+
+def _value(option: Any) -> Any:
+    """Give an option's value as the cell of a data frame, which must be hashable."""
+    return option_text(option) if isinstance(option, list | dict) else option
