@@ -115,10 +115,11 @@ def _status(arguments: list[str]) -> int:
 def _audit(arguments: list[str]) -> int:
     from pathlib import Path
 
-    from infoplan.analyse.audit import audit, render
+    from infoplan.analyse.audit import audit, print_findings
     from infoplan.config import seed_list
     from infoplan.overrides import parse
     from infoplan.study.identity import stored_terrains
+    from infoplan.study.summary import wide_console
 
     defaults: dict[str, Any] = dict.fromkeys(["run", "seeds", "terrain.path", "terrain.member"])
     chosen = parse("audit", arguments, {"results_dir": "results"} | defaults)
@@ -127,7 +128,7 @@ def _audit(arguments: list[str]) -> int:
     maps = stored_terrains(results_dir, chosen["terrain.path"], chosen["terrain.member"])
     known = {terrain.sha256: terrain.elevation for terrain in maps}
     findings = list(audit(results_dir, chosen["run"], seeds, known))
-    print(render(findings))
+    print_findings(findings, wide_console())
     return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
 
 

@@ -15,7 +15,6 @@ from infoplan.analyse.judging import Claim, Comparison
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.tables import Selection, changed_options
 from infoplan.draw import claims_table, style
-from infoplan.draw.claims_table import number
 from infoplan.draw.report_data import (
     Findings,
     Panel,
@@ -29,6 +28,7 @@ from infoplan.draw.report_data import (
     run_records,
 )
 from infoplan.errors import RunError
+from infoplan.wording import figure
 
 PAGE = Path(__file__).with_name("report_page.html")
 """The page; style sheet and script lie beside it."""
@@ -417,8 +417,8 @@ def _table(
 def interval_text(interval: Interval) -> str:
     """Write a mean with its interval: 525 [409, 644]."""
     if math.isnan(interval.low):
-        return "–" if math.isnan(interval.mean) else number(interval.mean)
-    return f"{number(interval.mean)} [{number(interval.low)}, {number(interval.high)}]"
+        return "–" if math.isnan(interval.mean) else figure(interval.mean)
+    return f"{figure(interval.mean)} [{figure(interval.low)}, {figure(interval.high)}]"
 
 
 def seeds_text(seeds: Sequence[int]) -> str:

@@ -8,6 +8,7 @@ block of lines.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from rich import box
 from rich.cells import cell_len
@@ -36,6 +37,19 @@ INDENT = "  "
 """Of the fields of a stacked row."""
 
 
+class PlainConsole(Console):
+    """A console that prints text of any origin as it is: no markup, no control characters."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as `rich.console.Console.print` does."""
+        super().print(*(self._plain(item) for item in objects), **options)
+
+    def _plain(self, item: Any) -> Any:
+        if isinstance(item, str | Text):
+            return _text(item, self)
+        return item
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of a table.
@@ -54,6 +68,8 @@ class Column:
         Whether its cells are drawings: their lines are never broken.
     style
         Of its cells.
+    empty
+        What an empty cell says where rows are stacked; such a field is left out if this is empty.
     """
 
     title: str
@@ -62,6 +78,7 @@ class Column:
     spare: int = 0
     drawn: bool = False
     style: str = ""
+    empty: str = ""
 
 
 def print_table(
@@ -125,6 +142,35 @@ def say(console: Console, text: object, style: str = "", indent: str = "") -> No
     """
     for line in wrapped(_plain(text, console), console.width, indent):
         console.print(Text(line, style=style), soft_wrap=True)
+
+
+def say_command(console: Console, before: str, command: str) -> None:
+    """Print a sentence that ends in a command line, which can be pasted however it is broken.
+
+    Parameters
+    ----------
+    console
+        Where to.
+    before
+        The sentence up to the command.
+    command
+        Words as a shell reads them. Where the whole does not fit, it stands on lines of its own
+        that end in a backslash.
+    """
+    whole = f"{before} {command}"
+    if cell_len(_plain(whole, console)) <= console.width:
+        say(console, whole)
+        return
+    say(console, before)
+    words = re.findall(r"""(?:'[^']*'|"[^"]*"|[^\s'"])+""", _plain(command, console))
+    line = INDENT + words[0]
+    for word in words[1:]:
+        if cell_len(f"{line} {word} \\") > console.width:
+            console.print(Text(f"{line} \\"), soft_wrap=True)
+            line = 2 * INDENT + word
+        else:
+            line += f" {word}"
+    console.print(Text(line), soft_wrap=True)
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:
@@ -225,8 +271,11 @@ def _block(columns: Sequence[Column], row: Sequence[Text], named: int, width: in
     name = " ".join(cell.plain for cell in row[:named] if cell.plain)
     style = next((cell.style for cell in row[:named] if cell.style), "bold")
     lines = [Text(part, style) for line in name.split("\n") for part in wrapped(line, width)]
-    fields = list(zip(columns, row, strict=True))[named:]
-    fields = [(column, cell) for column, cell in fields if cell.plain]
+    fields = [
+        (column, cell if cell.plain else Text(column.empty))
+        for column, cell in list(zip(columns, row, strict=True))[named:]
+        if cell.plain or column.empty
+    ]
     margin = max((cell_len(column.title) for column, _ in fields), default=0) + len(INDENT) + GAP
     for column, cell in fields:
         title, style = f"{INDENT}{column.title}", cell.style or column.style

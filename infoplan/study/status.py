@@ -208,7 +208,9 @@ def _print_table(found: Status, console: Console) -> None:
         Column("run", least=WHOLE),
         *(Column(name, right=True) for name in apart),
         *(
-            Column(name, right=True, style="red" if name in ("failed", "broken") else "")
+            Column(
+                name, right=True, empty="none", style="red" if name in ("failed", "broken") else ""
+            )
             for name in kept
         ),
         Column("last (UTC)", right=True, spare=1),

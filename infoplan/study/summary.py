@@ -14,7 +14,7 @@ from rich.console import Console
 from infoplan.analyse.statistics import bootstrap_mean
 from infoplan.analyse.tables import Options, differing, flatten, option_text
 from infoplan.config import Config
-from infoplan.draw.table_layout import UNLIMITED, WHOLE, Column, print_table, say
+from infoplan.draw.table_layout import UNLIMITED, WHOLE, Column, PlainConsole, print_table, say
 from infoplan.draw.terminal import small_curves, takes_braille
 from infoplan.methods import method_label
 from infoplan.study.estimate import duration, kind_of, wall_seconds
@@ -53,7 +53,7 @@ def wide_console() -> Console:
     width = shutil.get_terminal_size((80 if terminal else UNLIMITED, 24)).columns
     # A width of its own keeps a display from following the terminal's.
     follows = terminal and not Console().is_dumb_terminal and "COLUMNS" not in os.environ
-    return Console(highlight=False, markup=False, emoji=False, width=None if follows else width)
+    return PlainConsole(highlight=False, width=None if follows else width)
 
 
 def print_summary(study: Study, console: Console) -> None:
