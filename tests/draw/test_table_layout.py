@@ -73,7 +73,7 @@ def test_still_less_leaves_out_what_can_be_spared_and_names_it():
 
 
 def test_the_least_room_stacks_rows_with_every_field():
-    said = printed(40)
+    said = printed(36)
     assert said.splitlines()[2:10] == [
         "uct none batch",
         "ab12",
@@ -167,5 +167,5 @@ def test_a_command_can_be_pasted_at_any_width(width):
 
 def test_a_plain_console_interprets_nothing():
     on = console(200)
-    on.print("[red]m[/b]k\x1b[2J :smile:", Text("\x07[b]"), soft_wrap=True)
-    assert on.file.getvalue() == "[red]m[/b]k\\x1b[2J :smile: \\x07[b]\n"
+    on.print("[red]m[/b]k\x1b[2J :smile:", Text("\x1b[b]"), soft_wrap=True)
+    assert on.file.getvalue() == "[red]m[/b]k\\x1b[2J :smile: \\x1b[b]\n"
