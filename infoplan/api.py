@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Frames:
     """The tables of a mission, with the columns of the result tables.
 
@@ -38,6 +38,11 @@ class Frames:
     curves: "pd.DataFrame"
     samples: "pd.DataFrame"
     maps: "pd.DataFrame"
+
+    def __repr__(self) -> str:
+        """Sum up in a line."""
+        rows = ", ".join(f"{name}: {len(table)} rows" for name, table in vars(self).items())
+        return f"Frames({rows})"
 
 
 def configure(*overrides: str, **options: Any) -> MissionConfig:

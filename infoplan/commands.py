@@ -394,14 +394,15 @@ def audit(
     terrain_member: str | None,
 ) -> int:
     """Audit runs."""
-    from infoplan.analyse.audit import audit, render
+    from infoplan.analyse.audit import audit, print_findings
     from infoplan.study.identity import stored_terrains
+    from infoplan.study.summary import wide_console
 
     path = None if terrain_path is None else str(terrain_path)
     maps = stored_terrains(results_dir, path, terrain_member)
     known = {terrain.sha256: terrain.elevation for terrain in maps}
     findings = list(audit(results_dir, run, seeds, known))
-    print(render(findings))
+    print_findings(findings, wide_console())
     return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
 
 

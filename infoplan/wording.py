@@ -9,6 +9,9 @@ from difflib import get_close_matches
 UNSEEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 """Unicode's categories of characters that are no letter, mark, figure, sign or space."""
 
+PLAIN_SIGNS = {"±": "+-", "–": "-", "…": "..."}
+"""What stands for signs of infoplan's own where an encoding lacks them."""
+
 
 def suggest(word: str, known: Iterable[str], n: int = 1) -> str:
     """Return ' (did you mean X?)' for a misspelled word; empty if nothing is near.
@@ -48,6 +51,48 @@ def figure(value: float) -> str:
         return f"{value:.2e}"
     decimals = max(0, 2 - math.floor(math.log10(size)))
     return f"{value:.{decimals}f}"
+
+
+def interval(mean: float, low: float, high: float) -> str:
+    """Write a mean with its interval, all with the decimals that the mean deserves.
+
+    A mean that is small beside its interval, as that of a difference may be, gets the decimals that
+    the interval's width deserves: ``0.7 [-21.0, 26.0]``. Without an interval (NaN) it is `figure`.
+    """
+    if math.isnan(mean) or math.isnan(low) or math.isnan(high):
+        return figure(mean)
+    width = high - low
+    leading = mean if abs(mean) >= width / 10 else width
+    return f"{like(mean, leading)} [{like(low, leading)}, {like(high, leading)}]"
+
+
+def like(value: float, leading: float) -> str:
+    """Write a number with the decimals that `figure` gives to another."""
+    text = figure(leading)
+    if "e" in text or "inf" in text or not math.isfinite(value):
+        return figure(value)
+    decimals = len(text.partition(".")[2])
+    written = f"{value:.{decimals}f}"
+    return written if float(written) else written.lstrip("-")
+
+
+def encodable(text: str, encoding: str) -> str:
+    r"""Write text with the characters of an encoding alone.
+
+    Signs that infoplan itself writes become plain ones (``±`` is ``+-``), all others escapes such
+    as ``\xe4``.
+    """
+    try:
+        text.encode(encoding)
+    except LookupError:
+        encoding = "ascii"
+    except UnicodeEncodeError:
+        pass
+    else:
+        return text
+    for sign, plain in PLAIN_SIGNS.items():
+        text = text.replace(sign, plain)
+    return text.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def harmless(text: object) -> str:

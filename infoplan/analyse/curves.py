@@ -8,6 +8,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from infoplan.analyse.statistics import RESAMPLES, PairedDifference, paired_difference
+from infoplan.analyse.tables import REPLAY, default_options
 from infoplan.errors import UsageError
 
 EARLY = (150, 500)
@@ -171,9 +172,11 @@ def summarise(curves: pd.DataFrame, column: str = "rmse") -> pd.DataFrame:
         ``early`` (mean over 150 to 500 collected samples), ``late`` (mean from 1000 on) and
         ``area`` (mean over the whole curve), NaN where a mission is too short; confusion counts of
         the mission (scope batch adds the epochs up, historical judges everything at the end) with
-        precision, recall and false_alarm_rate; ``seconds`` computed.
+        precision, recall and false_alarm_rate; ``seconds`` computed; and the options in which the
+        runs differ, as `load_curves` gives them.
     """
     areas = area_under_curve(curves, column)
+    swept = _options(curves)
     rows = []
     for key, curve in missions(curves):
         last = curve.iloc[-1]
@@ -194,10 +197,17 @@ def summarise(curves: pd.DataFrame, column: str = "rmse") -> pd.DataFrame:
                 "fn": fn,
                 "tn": tn,
                 **ratios(tp, fp, fn, tn),
-                "seconds": curve.filter(like="_seconds").to_numpy().sum(),
+                "seconds": curve.filter(regex="^[a-z]+_seconds$").to_numpy().sum(),
+                **last[swept],
             }
         )
     return pd.DataFrame(rows, index=areas.index)
+
+
+def _options(curves: pd.DataFrame) -> list[str]:
+    """Name the columns that hold options."""
+    known = {*default_options(), REPLAY} - {"rho"}
+    return [str(name) for name in curves if "." in str(name) or name in known]
 
 
 def ratios(tp: float, fp: float, fn: float, tn: float) -> dict[str, float]:

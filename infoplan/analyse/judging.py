@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from infoplan.analyse.statistics import Interval
+from infoplan.wording import harmless
 
 SUPPORTED, CONTRADICTED, UNDECIDED, MISSING = "supported", "contradicted", "undecided", "missing"
 
@@ -56,7 +57,7 @@ class Comparison:
         return MISSING if self.lacks else judge(self.effect, self.stated)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Claim:
     """One of the paper's claims, judged.
 
@@ -77,6 +78,10 @@ class Claim:
     comparisons: tuple[Comparison, ...]
     commands: tuple[str, ...] = ()
     where: str = ""
+
+    def __repr__(self) -> str:
+        """Say in a line what is claimed, and the verdict."""
+        return harmless(f"Claim({self.name} {self.verdict}: {self.text})")
 
     @property
     def verdict(self) -> str:

@@ -16,9 +16,17 @@ from numpy.typing import NDArray
 
 from infoplan.analyse.curves import mean_between
 from infoplan.analyse.statistics import RESAMPLES, Interval
-from infoplan.analyse.tables import REPLAY, Options, demand_whole, flatten, stored_footers
+from infoplan.analyse.tables import (
+    REPLAY,
+    Options,
+    demand_whole,
+    flatten,
+    option_text,
+    stored_footers,
+)
 from infoplan.errors import RunError, UsageError
 from infoplan.study.store import read_table
+from infoplan.wording import counted
 
 METHOD = ("planner", "detector", "model")
 """Parts of a configuration that make a method."""
@@ -155,16 +163,16 @@ def rank(
     cells = {(method, terrain, rho) for method, terrain, rho, _ in where}
     counts = Counter((terrain, rho) for _, terrain, rho in cells)
     everyone = sorted(set(methods))
-    counted = {cell for cell, count in counts.items() if count > len(everyone) / 2}
-    ranked = [m for m in everyone if counted and all((m, *cell) in cells for cell in counted)]
+    counting = {cell for cell, count in counts.items() if count > len(everyone) / 2}
+    ranked = [m for m in everyone if counting and all((m, *cell) in cells for cell in counting)]
     for method in everyone:
-        lacking = sorted(cell for cell in counted if (method, *cell) not in cells)
+        lacking = sorted(cell for cell in counting if (method, *cell) not in cells)
         if lacking:
             listed = ", ".join(f"{terrain} rho {rho:g}" for terrain, rho in lacking)
             notes.append(f"{method} is not ranked: it lacks {listed}")
-    for terrain, rho in sorted(set(counts) - counted):
+    for terrain, rho in sorted(set(counts) - counting):
         notes.append(f"{terrain} rho {rho:g} does not count: most methods lack it")
-    seeds = _common_seeds(where, ranked, counted)
+    seeds = _common_seeds(where, ranked, counting)
     for terrain in [terrain for terrain, common in seeds.items() if not common]:
         notes.append(f"{terrain} does not count: its missions have no seed in common")
         del seeds[terrain]
@@ -173,7 +181,7 @@ def rank(
             f"results_dir={folder} holds no two methods with the same maps, rhos and seeds, out of "
             f"{', '.join(everyone)}: run more, or choose with rho=, terrain= or the like"
         )
-    scores = _Scores(folder, where, ranked, counted, seeds)
+    scores = _Scores(folder, where, ranked, counting, seeds)
     return replace(scores.standings(resamples), notes=tuple(notes))
 
 
@@ -350,8 +358,10 @@ def _with_common_settings(missions: list[Stored]) -> tuple[list[Stored], list[st
             if mission.settings.get(name) != kept[0].settings.get(name)
         }
     )
-    told = ", ".join(f"{name}={kept[0].settings.get(name)}" for name in differing)
-    return kept, [f"{len(others)} missions with other settings than {told} are left out"]
+    told = ", ".join(f"{name}={option_text(kept[0].settings.get(name))}" for name in differing)
+    are = "is" if len(others) == 1 else "are"
+    left_out = counted(len(others), "mission")
+    return kept, [f"{left_out} with other settings than {told} {are} left out"]
 
 
 def _method(flat: Options) -> str:
@@ -381,10 +391,11 @@ def _labels(options: list[Options], called: Callable[[Options], str]) -> list[st
             name for name in {key for other in others for key in other}
             if any(other.get(name) != flat.get(name) for other in others)
         )  # fmt: skip
-        told = [f"{name}={_text(flat[name])}" for name in differing if name in flat]
+        told = [f"{name}={_short(name, flat[name])}" for name in differing if name in flat]
         labels.append(" ".join([called(flat), *told]))
     return labels
 
 
-def _text(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value).replace(" ", "")
+def _short(name: str, value: Any) -> str:
+    text = option_text(value)
+    return text[:8] if name == "terrain.sha256" else text

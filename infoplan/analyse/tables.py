@@ -1,5 +1,6 @@
 """Stored missions: which are there, which belong together, and their tables."""
 
+import html
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
-from infoplan.wording import counted, suggest
+from infoplan.wording import counted, harmless, suggest
 
 DEFAULT_TERRAIN = "helens"
 
@@ -29,7 +30,11 @@ Options = dict[str, Any]
 """A configuration with dotted names."""
 
 
-@dataclass(frozen=True)
+LISTED = 30
+"""So many runs does a notebook show of a selection."""
+
+
+@dataclass(frozen=True, repr=False)
 class Selection:
     """Missions of one terrain and one budget, their tables comparable.
 
@@ -54,6 +59,29 @@ class Selection:
     unit: str
     budget: int
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Sum up in a line."""
+        counts = f"{counted(len(self.options), 'run')}, {counted(len(self.missions), 'mission')}"
+        return harmless(
+            f"Selection({counts}: {self.terrain}, budget {self.budget}, in {self.results_dir})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the runs in a notebook."""
+        named = differing(self.options)
+        lines = [["run", "seeds", *named]]
+        for run, flat in list(self.options.items())[:LISTED]:
+            values = [option_text(flat[name]) if name in flat else "" for name in named]
+            lines.append([run, ", ".join(map(str, self.seeds(run))), *values])
+        cells = [
+            "".join(f"<td>{html.escape(harmless(text))}</td>" for text in line) for line in lines
+        ]
+        more = len(self.options) - LISTED
+        below = [f"<p>and {counted(more, 'run')} more</p>"] if more > 0 else []
+        below += [f"<p>{html.escape(harmless(note))}</p>" for note in self.notes]
+        rows = "".join(f"<tr>{line}</tr>" for line in cells)
+        return f"<p>{html.escape(repr(self))}</p><table>{rows}</table>{''.join(below)}"
 
     def run(self, method: str, rho: float, scope: str = "batch") -> str | None:
         """Name of a method's run at an outlier share; None if there is none.
@@ -220,7 +248,9 @@ def told_apart(selection: Selection) -> Selection:
         differ = [name for name in differing(flats) if not name.endswith(".sha256")]
         for run, flat in flats.items():
             default = _defaults(flat)
-            own = [f"{k}={_text(flat.get(k))}" for k in differ if flat.get(k) != default.get(k)]
+            own = [
+                f"{k}={option_text(flat.get(k))}" for k in differ if flat.get(k) != default.get(k)
+            ]
             names[run] = " ".join([str(method), *own])
         runs["name"] = pd.Series(names)
         for run in runs.index[runs.duplicated(["rho", "scope", "name"], keep=False)]:
@@ -254,7 +284,8 @@ def differing(options: Mapping[str, Options]) -> list[str]:
         for name in flat:
             owner = _owner(flat, name)
             if name not in SHOWN and (name, owner) not in values:
-                values[name, owner] = {repr(other.get(name)) for other in runs[owner]}
+                having = [other for other in runs[owner] if name in other]
+                values[name, owner] = {repr(other[name]) for other in having}
     return list(dict.fromkeys(name for (name, _), found in values.items() if len(found) > 1))
 
 
@@ -271,7 +302,9 @@ def load_curves(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The columns of the curve table, and ``run`` and ``method`` (as ``UCT-NONE``).
+        The columns of the curve table, and ``run`` and ``method`` (as ``UCT-NONE``); at the end a
+        column for each option in which the runs differ (`differing`), as ``planner.exploration``:
+        NaN or None where a run has no such option, a list as text (``[50,50]``).
 
     Raises
     ------
@@ -289,6 +322,17 @@ def load_samples(source: str | Path | Selection, **filters: Any) -> pd.DataFrame
 def load_maps(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
     """Load final maps, one row a node of the query grid; otherwise as `load_curves`."""
     return _load(source, "maps", filters)
+
+
+def option_text(value: Any) -> str:
+    """Write an option's value as the command line reads it, to the last digit."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(option_text, value))}]"
+    return str(value)
 
 
 def changed_options(options: Options) -> Options:
@@ -442,7 +486,7 @@ def _filtered(
     kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
     if kept.empty:
         raise UsageError(
-            f"there is no mission with {name}={_text(wanted)}: "
+            f"there is no mission with {name}={option_text(wanted)}: "
             f"there is {_found(missions, options, name)}"
         )
     return kept
@@ -476,15 +520,11 @@ def _found(missions: pd.DataFrame, options: dict[str, Options], name: str) -> st
     values = (
         missions[name]
         if name in LABELS
-        else missions["run"].map(lambda run: _text(options[run].get(name)))
+        else missions["run"].map(lambda run: option_text(options[run].get(name)))
     )
-    counts = values.map(_text).value_counts(sort=False)
+    counts = values.map(option_text).value_counts(sort=False)
     shown = [f"{value} ({count})" for value, count in counts.items()]
     return ", ".join(shown[:8]) + (" and others" if len(shown) > 8 else "")
-
-
-def _text(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None:
@@ -531,7 +571,9 @@ def _agreeing(selection: Selection, names: set[str]) -> Selection:
     named = sorted({name for others in unusual.values() for name in others})
     if len(unusual) == len(selection.options):
         found = {
-            name: sorted({_text(flat[name]) for flat in selection.options.values() if name in flat})
+            name: sorted(
+                {option_text(flat[name]) for flat in selection.options.values() if name in flat}
+            )
             for name in named
         }
         listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
@@ -539,9 +581,10 @@ def _agreeing(selection: Selection, names: set[str]) -> Selection:
             f"the runs do not belong together, they differ in {listed}: "
             f"choose with {named[0]}={found[named[0]][0]} or the like"
         )
+    which = "is left out; choose it" if len(unusual) == 1 else "are left out; choose them"
     note = (
-        f"{counted(len(unusual), 'run')} with other than the default {', '.join(named)} left out; "
-        f"choose with {named[0]}=..."
+        f"{counted(len(unusual), 'run')} with other than the default {', '.join(named)} "
+        f"{which} with {named[0]}=..."
     )
     kept = selection.only(set(selection.missions["run"]) - set(unusual))
     return replace(kept, notes=(*selection.notes, note))
@@ -564,4 +607,13 @@ def _load(source: str | Path | Selection, table: str, filters: dict[str, Any]) -
             if name not in frame:
                 frame.insert(position, name, row[name])
         frames.append(frame)
-    return pd.concat(frames, ignore_index=True)
+    together = pd.concat(frames, ignore_index=True)
+    for name in differing(selection.options):
+        values = {run: _value(flat.get(name)) for run, flat in selection.options.items()}
+        together[name] = together["run"].map(values)
+    return together
+
+
+def _value(option: Any) -> Any:
+    """Give an option's value as the cell of a data frame, which must be hashable."""
+    return option_text(option) if isinstance(option, list | dict) else option

@@ -2,13 +2,17 @@
 
 import json
 import math
-from typing import TYPE_CHECKING, Any
+import re
+from dataclasses import replace
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
 
 from infoplan.analyse.judging import Claim, Comparison, Stated
 from infoplan.analyse.tables import Selection
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from infoplan.draw.table_layout import Cell, Column, print_table, say, say_command
+from infoplan.wording import counted, figure, harmless, interval, markdown_cell
 
 FEW = 5
 """With fewer seeds a bootstrap interval is too narrow to lean on."""
@@ -16,58 +20,63 @@ FEW = 5
 COLOURS = {"supported": "green", "contradicted": "red", "undecided": "yellow", "missing": "magenta"}
 
 
-def print_claims(claims: list[Claim], selection: Selection, console: "Console") -> None:
+def print_claims(claims: list[Claim], selection: Selection, console: Console) -> None:
     """Print the claims, every comparison on a line of its own; IQM is its interquartile mean."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, title=heading(selection), title_justify="left")
-    for column in ("claim", "compared"):
-        table.add_column(column)
-    for column in ("effect [95 %]", "IQM", "stated", "seeds"):
-        table.add_column(column, justify="right", no_wrap=column != "seeds")
-    table.add_column("verdict", no_wrap=True)
+    columns = [
+        Column("claim"),
+        Column("compared", least=24),
+        Column("effect [95 %]", right=True, least=18),
+        Column("IQM", right=True, spare=1),
+        Column("stated", right=True),
+        Column("seeds", right=True),
+        Column("verdict"),
+    ]
+    rows: list[list[Cell] | None] = []
     for claim in claims:
-        colour = COLOURS[claim.verdict]
-        verdict = f"[{colour}]{claim.verdict.upper()}[/]"
-        table.add_row(
-            f"[bold]{claim.name}[/]", f"[bold]{claim.text}[/]", claim.where, "", "", "", verdict
-        )
+        verdict = Text(claim.verdict.upper(), style=COLOURS[claim.verdict])
+        said = f"{claim.text} ({claim.where})" if claim.where else claim.text
+        bold = [Text(harmless(text), style="bold") for text in (claim.name, said)]
+        rows.append([*bold, "", "", "", "", verdict])
         judged = any(not item.lacks for item in claim.comparisons)
-        for item in claim.comparisons if judged else ():
-            table.add_row(
-                "",
-                item.what,
-                effect(item).replace("[", "\\["),
-                "" if item.lacks else number(item.interquartile_mean),
-                stated(item.stated, item.unit),
-                str(item.effect.n),
-                item.verdict,
-            )
+        rows += [_row(item) for item in claim.comparisons if judged]
         if advice(claim):
-            table.add_row("", f"[italic]{advice(claim)}[/]")
-        table.add_section()
-    console.print(table)
-    for line in remarks(claims, selection):
-        console.print(line, soft_wrap=True, markup=False)
+            rows.append(["", Text(advice(claim), style="italic"), *[""] * 5])
+        rows.append(None)
+    print_table(console, heading(selection), columns, rows, named=2)
+    for note in selection.notes:
+        say(console, note)
+    for names, cures in _missing(claims).items():
+        before = f"{', '.join(names)}: missing, to be had with"
+        for cure in cures:
+            say_command(console, before, cure)
+        if not cures:
+            say(console, f"{before} a budget above {selection.budget}")
+    for warning in _few(selection):
+        say(console, warning)
 
 
 def markdown(claims: list[Claim], selection: Selection) -> str:
     """Write the claims as a Markdown table, a row a claim."""
     lines = [
-        heading(selection),
+        markdown_cell(heading(selection)),
         "",
         "| | claim | runs | compared: effect [95 % interval], n seeds | verdict |",
         "|---|---|---|---|---|",
     ]
     for claim in claims:
         compared = "<br>".join(
-            f"{item.what}: {effect(item)}, n = {item.effect.n}, {item.verdict}"
+            f"{markdown_cell(item.what)}: {_effect_cell(item)}, n = {item.effect.n}, {item.verdict}"
             for item in claim.comparisons
         )
         verdict = f"**{claim.verdict}**" + (f" ({advice(claim)})" if advice(claim) else "")
-        lines.append(f"| {claim.name} | {claim.text} | {claim.where} | {compared} | {verdict} |")
-    return "\n".join([*lines, "", *(f"{line}  " for line in remarks(claims, selection))]).rstrip()
+        said = " | ".join(markdown_cell(text) for text in (claim.name, claim.text, claim.where))
+        lines.append(f"| {said} | {compared} | {verdict} |")
+    below = [markdown_cell(note) for note in selection.notes]
+    for names, cures in _missing(claims).items():
+        told = "; ".join(map(_code, cures)) or f"a budget above {selection.budget}"
+        below.append(f"{', '.join(names)}: missing, to be had with {told}")
+    below += _few(selection)
+    return "\n".join([*lines, "", *(f"{line}  " for line in below)]).rstrip()
 
 
 def as_json(claims: list[Claim], selection: Selection) -> str:
@@ -85,29 +94,26 @@ def as_json(claims: list[Claim], selection: Selection) -> str:
 
 def heading(selection: Selection) -> str:
     """Say what the claims were judged on."""
-    seeds = selection.missions["seed"].nunique()
-    return f"{selection.terrain}, budget {selection.budget}, {seeds} seeds"
+    seeds = counted(selection.missions["seed"].nunique(), "seed")
+    return f"{selection.terrain}, budget {selection.budget}, {seeds}"
 
 
 def effect(item: Comparison) -> str:
     """Effect with its interval and unit; what is lacking if there is none."""
     if item.lacks:
         return item.lacks
-    mean, low, high = (
-        number(value) for value in (item.effect.mean, item.effect.low, item.effect.high)
-    )
-    interval = "" if math.isnan(item.effect.low) else f" [{low}, {high}]"
-    return f"{mean}{interval}{f' {item.unit}' if item.unit else ''}"
+    numbers = interval(item.effect.mean, item.effect.low, item.effect.high)
+    return f"{numbers}{f' {item.unit}' if item.unit else ''}"
 
 
 def stated(side: Stated, unit: str) -> str:
     """Say on which side the claim puts the effect."""
     unit = f" {unit}" if unit else ""
     if math.isinf(side.low):
-        return f"< {number(side.high)}{unit if side.high else ''}"
+        return f"< {figure(side.high)}{unit if side.high else ''}"
     if math.isinf(side.high):
-        return f"> {number(side.low)}{unit if side.low else ''}"
-    return f"within ±{number(side.high)}{unit}"
+        return f"> {figure(side.low)}{unit if side.low else ''}"
+    return f"within ±{figure(side.high)}{unit}"
 
 
 def advice(claim: Claim) -> str:
@@ -125,23 +131,38 @@ def advice(claim: Claim) -> str:
 def remarks(claims: list[Claim], selection: Selection) -> list[str]:
     """Say what the reader should know besides: what was left out, what to run, few seeds."""
     lines = list(selection.notes)
-    lacking: dict[str, list[str]] = {}
+    for names, cures in _missing(claims).items():
+        cure = "; ".join(cures) or f"a budget above {selection.budget}"
+        lines.append(f"{', '.join(names)}: missing, to be had with {cure}")
+    return [*lines, *_few(selection)]
+
+
+def _row(item: Comparison) -> list[Cell]:
+    return [
+        "",
+        Text(harmless(item.what), style="none"),  # no heading, unlike a claim's
+        harmless(effect(item)),
+        "" if item.lacks else figure(item.interquartile_mean),
+        harmless(stated(item.stated, item.unit)),
+        str(item.effect.n),
+        item.verdict,
+    ]
+
+
+def _missing(claims: list[Claim]) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Commands that make what claims lack, by the claims' names."""
+    names: dict[tuple[str, ...], list[str]] = {}
     for claim in claims:
         if claim.verdict == "missing":
-            cure = "; ".join(claim.commands) or f"a budget above {selection.budget}"
-            lacking.setdefault(cure, []).append(claim.name)
-    for cure, names in lacking.items():
-        lines.append(f"{', '.join(names)}: missing, to be had with {cure}")
-    if selection.missions.groupby("run")["seed"].nunique().min() < FEW:
-        lines.append(f"with fewer than {FEW} seeds the intervals are too narrow to lean on")
-    return lines
+            names.setdefault(claim.commands, []).append(claim.name)
+    return {tuple(listed): cures for cures, listed in names.items()}
 
 
-def number(value: float) -> str:
-    """Write a number as its size deserves: 123, 12.3, 0.123."""
-    size = abs(value)
-    decimals = 0 if size >= 100 or value == 0 else 1 if size >= 10 else 2 if size >= 1 else 3
-    return f"{value:.{decimals}f}"
+def _few(selection: Selection) -> list[str]:
+    """Warn of too few seeds."""
+    if selection.missions.groupby("run")["seed"].nunique().min() >= FEW:
+        return []
+    return [f"with fewer than {FEW} seeds the intervals are too narrow to lean on"]
 
 
 def _claim(claim: Claim) -> dict[str, Any]:
@@ -169,6 +190,20 @@ def _claim(claim: Claim) -> dict[str, Any]:
             for item in claim.comparisons
         ],
     }
+
+
+def _effect_cell(item: Comparison) -> str:
+    """Write an effect for Markdown, where the brackets of an interval need no escape."""
+    if item.lacks:
+        return markdown_cell(item.lacks)
+    return effect(replace(item, unit=markdown_cell(item.unit)))
+
+
+def _code(command: str) -> str:
+    """Write a command as Markdown's code, whatever it holds."""
+    ticks = max(map(len, re.findall("`+", command)), default=0)
+    fence, pad = "`" * (ticks + 1), " " if ticks else ""
+    return f"{fence}{pad}{harmless(command)}{pad}{fence}"
 
 
 def _finite(value: float) -> float | None:

@@ -4,13 +4,14 @@ import html
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from rich.console import Console
 
 from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from infoplan.draw.table_layout import Column, print_table, say
+from infoplan.errors import RunError
+from infoplan.wording import counted, harmless, markdown_cell
 
 TITLE = "Leaderboard"
 
@@ -28,31 +29,33 @@ svg circle { fill: var(--bar); }
 """
 
 
-def print_leaderboard(board: Leaderboard, console: "Console") -> None:
-    """Print the leaderboard as a table, without the columns of single maps."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, title=heading(board), title_justify="left")
-    narrow = replace(board, maps={})
-    for column in columns(narrow):
-        table.add_column(
-            column,
-            justify="left" if column == "method" else "right",
-            no_wrap=column == "method",
-            overflow="fold",
-            min_width=8 if column in ("area [95 %]", "behind the first") else None,
+def print_leaderboard(board: Leaderboard, console: Console) -> None:
+    """Print the leaderboard as a table; where there is little room, without single maps."""
+    named = columns(board)
+    first_map = 4 + len(board.rhos)
+    shown = [
+        Column(
+            name,
+            right=name != "method",
+            spare=number if first_map <= number < len(named) - 2 else 0,
         )
-    for number, standing in enumerate(board.standings, start=1):
-        row = cells(number, replace(standing, by_map={}))
-        table.add_row(*(cell.replace(" [", "\n\\[") for cell in row))
-    console.print(table)
+        for number, name in enumerate(named)
+    ]
+    rows = [
+        [harmless(cell).replace(" [", "\n[") for cell in cells(number, standing, decimals(board))]
+        for number, standing in enumerate(board.standings, start=1)
+    ]
+    print_table(console, heading(board), shown, rows, named=2)
     for line in remarks(board):
-        console.print(line, soft_wrap=True, markup=False)
+        say(console, line)
 
 
 def markdown(board: Leaderboard) -> str:
     """Write the leaderboard as a Markdown table."""
+    standings = (replace(one, method=markdown_cell(one.method)) for one in board.standings)
+    maps = {markdown_cell(name): seeds for name, seeds in board.maps.items()}
+    notes = tuple(map(markdown_cell, board.notes))
+    board = replace(board, standings=tuple(standings), maps=maps, notes=notes)
     named = columns(board)
     lines = [
         f"{heading(board)}",
@@ -60,7 +63,7 @@ def markdown(board: Leaderboard) -> str:
         f"| {' | '.join(named)} |",
         f"|{'|'.join('---' if name == 'method' else '---:' for name in named)}|",
         *(
-            f"| {' | '.join(cells(number, standing))} |"
+            f"| {' | '.join(cells(number, standing, decimals(board)))} |"
             for number, standing in enumerate(board.standings, start=1)
         ),
         "",
@@ -70,36 +73,49 @@ def markdown(board: Leaderboard) -> str:
 
 
 def write_page(board: Leaderboard, path: Path) -> Path:
-    """Write the leaderboard as an HTML page that needs nothing else."""
+    """Write the leaderboard as an HTML page that needs nothing else.
+
+    Raises
+    ------
+    RunError
+        If it cannot be written.
+    """
     named = columns(board)
     scores = [standing.score for standing in board.standings]
     ends = [end for score in scores for end in (score.mean, score.low, score.high)]
     ends = [end for end in ends if math.isfinite(end)]
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in [*named[:3], "", *named[3:]])
+    head = "".join(f"<th>{_escape(name)}</th>" for name in [*named[:3], "", *named[3:]])
     rows = []
     for number, standing in enumerate(board.standings, start=1):
-        shown = [f"<td>{html.escape(cell)}</td>" for cell in cells(number, standing)]
+        shown = [f"<td>{_escape(cell)}</td>" for cell in cells(number, standing, decimals(board))]
         shown.insert(3, f"<td>{_bar(standing.score, min(ends), max(ends))}</td>")
         rows.append(f"<tr>{''.join(shown)}</tr>")
-    notes = "".join(f"<p>{html.escape(line)}</p>" for line in remarks(board))
+    notes = "".join(f"<p>{_escape(line)}</p>" for line in remarks(board))
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<style>{STYLE}</style></head><body><h1>{TITLE}</h1>"
-        f"<p>{html.escape(heading(board))}</p>"
+        f"<p>{_escape(heading(board))}</p>"
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody>'
         f"</table></div>{notes}</body></html>\n"
     )
-    path.write_text(page, encoding="utf-8")
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise RunError(
+            f"{path} could not be written ({error.strerror or error}): make room, or check that "
+            "you may write there"
+        ) from error
     return path
 
 
 def heading(board: Leaderboard) -> str:
     """Say what was compared."""
-    maps = ", ".join(f"{name} ({len(seeds)} seed{'s' * (len(seeds) > 1)})"
-                     for name, seeds in board.maps.items())  # fmt: skip
+    maps = ", ".join(
+        f"{name} ({counted(len(seeds), 'seed')})" for name, seeds in board.maps.items()
+    )
     rhos = ", ".join(f"{rho:g}" for rho in board.rhos)
-    return f"{maps}; rho {rhos}; budget {board.budget}; {board.missions} missions"
+    return f"{maps}; rho {rhos}; budget {board.budget}; {counted(board.missions, 'mission')}"
 
 
 def columns(board: Leaderboard) -> list[str]:
@@ -108,17 +124,17 @@ def columns(board: Leaderboard) -> list[str]:
             *(board.maps if len(board.maps) > 1 else ()), "final", "s a mission"]  # fmt: skip
 
 
-def cells(number: int, standing: Standing) -> list[str]:
-    """Write a row."""
+def cells(number: int, standing: Standing, digits: int) -> list[str]:
+    """Write a row, its scores with that many decimals."""
     by_map = standing.by_map.values() if len(standing.by_map) > 1 else ()
     return [
         str(number),
         standing.method,
-        _interval(standing.score),
-        _interval(standing.behind) if number > 1 else "",
-        *(f"{score:.3f}" for score in standing.by_rho.values()),
-        *(f"{score:.3f}" for score in by_map),
-        f"{standing.final:.3f}",
+        _interval(standing.score, digits),
+        _interval(standing.behind, digits) if number > 1 else "",
+        *(f"{score:.{digits}f}" for score in standing.by_rho.values()),
+        *(f"{score:.{digits}f}" for score in by_map),
+        f"{standing.final:.{digits}f}",
         f"{standing.seconds:.1f}",
     ]
 
@@ -137,10 +153,21 @@ def remarks(board: Leaderboard) -> list[str]:
     return [*lines, *board.notes]
 
 
-def _interval(interval: Interval) -> str:
+def decimals(board: Leaderboard) -> int:
+    """Count the decimals of all scores: three, or as many as the least needs for three digits."""
+    scores = [one.score.mean for one in board.standings] + [one.final for one in board.standings]
+    least = min((score for score in scores if score > 0), default=1.0)
+    return max(3, 2 - math.floor(math.log10(least)))
+
+
+def _interval(interval: Interval, digits: int) -> str:
     if math.isnan(interval.low):
-        return f"{interval.mean:.3f}"
-    return f"{interval.mean:.3f} [{interval.low:.3f}, {interval.high:.3f}]"
+        return f"{interval.mean:.{digits}f}"
+    return f"{interval.mean:.{digits}f} [{interval.low:.{digits}f}, {interval.high:.{digits}f}]"
+
+
+def _escape(text: str) -> str:
+    return html.escape(harmless(text))
 
 
 def _bar(interval: Interval, low: float, high: float) -> str:

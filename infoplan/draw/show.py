@@ -1,9 +1,10 @@
 """One run in the terminal: its curve, its detector, its time."""
 
-from typing import TYPE_CHECKING
+import math
 
-import numpy as np
 import pandas as pd
+from rich.console import Console
+from rich.text import Text
 
 from infoplan.analyse.curves import missions, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
@@ -14,18 +15,21 @@ from infoplan.analyse.tables import (
     load_curves,
     load_maps,
     load_samples,
+    option_text,
 )
+from infoplan.draw.table_layout import INDENT, say
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError
-
-if TYPE_CHECKING:
-    from rich.console import Console
+from infoplan.wording import figure, interval
 
 PARTS = ("plan", "fit", "predict", "detect")
 """Parts of an epoch that are timed."""
 
+MARGIN = 18
+"""Where what was measured begins, after its name."""
 
-def show(selection: Selection, console: "Console") -> None:
+
+def show(selection: Selection, console: Console) -> None:
     """Print one run: RMSE curve, mean over seeds; detector quality; where the time went.
 
     Raises
@@ -37,39 +41,44 @@ def show(selection: Selection, console: "Console") -> None:
     if len(runs) > 1:
         raise UsageError(f"there are {len(runs)} runs: name one, or its hash: {', '.join(runs)}")
     curves = load_curves(selection)
-    for line in [
-        *_header(selection, runs[0]),
-        "",
-        *_curve(curves, selection, console),
-        "",
-        *_numbers(curves, selection),
-        "",
-        *_relief(selection),
-        "",
-        *_time(curves),
-    ]:
-        console.print(line, markup=False, soft_wrap=True)
+    _print_header(selection, runs[0], console)
+    console.print()
+    title, *plot = _curve(curves, selection, console)
+    say(console, title)
+    for line in plot:
+        console.print(Text(line), soft_wrap=True)
+    console.print()
+    _print_fields(_numbers(curves, selection), console)
+    console.print()
+    _print_fields(_relief(selection), console)
+    console.print()
+    _print_fields(_time(curves), console)
 
 
-def _header(selection: Selection, run: str) -> list[str]:
+def _print_header(selection: Selection, run: str, console: Console) -> None:
     seeds = selection.seeds(run)
     changed = changed_options(selection.options[run])
-    options = ", ".join(f"{name}={value}" for name, value in changed.items()
+    options = ", ".join(f"{name}={option_text(value)}" for name, value in changed.items()
                         if not name.startswith("terrain."))  # fmt: skip
-    return [
-        run,
-        f"{selection.terrain}, budget {selection.budget}, seeds {', '.join(map(str, seeds))}",
-        f"options that are not the default: {options or 'none'}",
-    ]
+    say(console, run)
+    say(console, f"{selection.terrain}, budget {selection.budget}, seeds "
+        f"{', '.join(map(str, seeds))}")  # fmt: skip
+    say(console, f"options that are not the default: {options or 'none'}", indent=INDENT)
 
 
-def _curve(curves: pd.DataFrame, selection: Selection, console: "Console") -> list[str]:
+def _print_fields(fields: dict[str, str], console: Console) -> None:
+    """Print what was measured below each other, each after its name."""
+    for name, text in fields.items():
+        say(console, f"{name:<{MARGIN}}{text}", indent=" " * MARGIN)
+
+
+def _curve(curves: pd.DataFrame, selection: Selection, console: Console) -> list[str]:
     mean = on_common_axis(curves).mean(axis=1)
     number = curves["seed"].nunique()
     return plot_lines(
         mean.index,
         mean,
-        width=min(60, max(20, console.width - 30)),
+        width=min(60, max(10, console.width - 20)),
         height=10,
         title=f"RMSE ({selection.unit})" + (f", mean of {number} seeds" if number > 1 else ""),
         x_label="samples",
@@ -77,48 +86,49 @@ def _curve(curves: pd.DataFrame, selection: Selection, console: "Console") -> li
     )
 
 
-def _numbers(curves: pd.DataFrame, selection: Selection) -> list[str]:
-    summary = summarise(curves)
-    lines = [
-        f"final RMSE        {_interval(summary['final'])} {selection.unit}",
-        f"area under curve  {_interval(summary['area'])} {selection.unit} (mean over samples)",
-    ]
+def _numbers(curves: pd.DataFrame, selection: Selection) -> dict[str, str]:
+    summary, unit = summarise(curves), selection.unit
+    fields = {
+        "final RMSE": f"{_interval(summary['final'])} {unit}",
+        "area under curve": f"{_interval(summary['area'])} {unit} (mean over samples)",
+    }
     if curves["detector"].iloc[0] != "none":
         tp, fp, fn = (summary[key].mean() for key in ("tp", "fp", "fn"))
-        lines += [
-            f"flagged           {tp + fp:.1f} samples a mission, {tp:.1f} of them outliers; "
+        fields |= {
+            "flagged": f"{tp + fp:.1f} samples a mission, {tp:.1f} of them outliers; "
             f"{fn:.1f} outliers missed",
-            f"precision         {_interval(summary['precision'], 2)}",
-            f"recall            {_interval(summary['recall'], 2)}",
-            f"false-alarm rate  {_interval(summary['false_alarm_rate'], 3)}",
-        ]
-    return lines
+            "precision": _interval(summary["precision"], 2),
+            "recall": _interval(summary["recall"], 2),
+            "false-alarm rate": _interval(summary["false_alarm_rate"]),
+        }
+    return fields
 
 
-def _relief(selection: Selection) -> list[str]:
+def _relief(selection: Selection) -> dict[str, str]:
     samples = dict(missions(load_samples(selection)))
     judged = selection.missions["detector"].iloc[0] != "none"
     frames = [by_relief(samples[key], table) for key, table in missions(load_maps(selection))]
     mean = pd.concat(frames).groupby("class", sort=False).mean()
     unit = selection.unit
-    return [
-        f"{f'{name} land':<17} relief {row['relief']:.0f} {unit}, RMSE {row['rmse']:.0f} {unit}"
+    return {
+        f"{name} land": f"relief {figure(row['relief'])} {unit}, RMSE {figure(row['rmse'])} {unit}"
         + (f", false alarms {row['false_alarms']:.1f} of {row['clean']:.0f} clean samples"
            if judged else "")
         for name, row in mean.iterrows()
-    ]  # fmt: skip
+    }  # fmt: skip
 
 
-def _time(curves: pd.DataFrame) -> list[str]:
+def _time(curves: pd.DataFrame) -> dict[str, str]:
     seconds = {part: curves.groupby("seed")[f"{part}_seconds"].sum().mean() for part in PARTS}
     total = sum(seconds.values()) or 1.0
     parts = ", ".join(f"{part} {100 * spent / total:.0f} %" for part, spent in seconds.items())
-    return [f"time              {total:.1f} s a mission: {parts}"]
+    return {"time": f"{total:.1f} s a mission: {parts}"}
 
 
-def _interval(values: "pd.Series[float]", decimals: int = 0) -> str:
-    estimate = bootstrap_mean(values)
-    text = f"{estimate.mean:.{decimals}f}"
-    if not np.isnan(estimate.low):
-        text += f" [{estimate.low:.{decimals}f}, {estimate.high:.{decimals}f}]"
-    return text
+def _interval(values: "pd.Series[float]", decimals: int | None = None) -> str:
+    """Mean with its interval: with the digits that it deserves, or of a share with two decimals."""
+    mean = bootstrap_mean(values)
+    if decimals is None:
+        return interval(mean.mean, mean.low, mean.high)
+    numbers = [f"{value:.{decimals}f}" for value in (mean.mean, mean.low, mean.high)]
+    return numbers[0] if math.isnan(mean.low) else f"{numbers[0]} [{numbers[1]}, {numbers[2]}]"

@@ -20,6 +20,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
 from infoplan.study.estimate import Clock, Kind, Pace, duration, wall_seconds
+from infoplan.wording import figure, harmless
 
 Address = tuple[str, int]
 Report = Callable[[int, float | None], None]
@@ -91,7 +92,7 @@ class Line:
     @property
     def error(self) -> str:
         """RMSE with its unit, empty before there is one."""
-        return "" if self.rmse is None else f"  RMSE {self.rmse:.4g} {self.unit}"
+        return "" if self.rmse is None else f"  RMSE {figure(self.rmse)} {harmless(self.unit)}"
 
     @property
     def note(self) -> str:
@@ -261,7 +262,7 @@ class Display:
         width = min(max(self.console.width - names - notes - 2, NARROWEST_BAR), WIDEST_BAR)
         names = max(self.console.width - width - notes - 2, SHORTEST_NAME)
         progress = Progress(
-            TextColumn("{task.description}"), BarColumn(bar_width=width), _Note(),
+            TextColumn("{task.description}", markup=False), BarColumn(bar_width=width), _Note(),
             console=self.console, auto_refresh=False,
         )  # fmt: skip
         for label, share, note in bars:

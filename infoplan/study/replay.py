@@ -40,6 +40,7 @@ from infoplan.study.store import (
 )
 from infoplan.terrain import Terrain
 from infoplan.threads import look_again, one_thread
+from infoplan.wording import figure
 
 GROUPS = ("detector", "model")
 """Groups that a replay may choose anew."""
@@ -359,7 +360,7 @@ def _store(
     save_mission(results_dir, run, seed, tables, footer)
     replayed.computed += 1
     replayed.seeds.append(seed)
-    tell(f"{label}  RMSE {tables.curves['rmse'][-1].as_py():.4g} {run.terrain.unit}")
+    tell(f"{label}  RMSE {figure(tables.curves['rmse'][-1].as_py())} {run.terrain.unit}")
 
 
 def _replay_seed(results_dir: Path, source: str, task: Task) -> Outcome:

@@ -6,19 +6,19 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
+from infoplan.analyse.tables import Options, differing, flatten
 from infoplan.config import Config
+from infoplan.draw.table_layout import WHOLE, Column, print_table, say
 from infoplan.errors import UsageError
 from infoplan.study.estimate import duration
 from infoplan.study.locks import list_held
 from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study
 from infoplan.study.store import inspect, list_failures, list_foreign, list_missions
-from infoplan.study.summary import spans, wide_console
+from infoplan.study.summary import option_cells, spans, wide_console
+from infoplan.wording import figure
 
 
 @dataclass
@@ -36,6 +36,9 @@ class RunStatus:
         When its first mission began and its last one ended, ISO 8601; None if none is done.
     seconds
         Computing time of all missions that are done.
+    options
+        Those in which the runs of the status differ, dotted names; none where nothing of the run is
+        done and only its name is known.
     """
 
     run: str
@@ -47,6 +50,7 @@ class RunStatus:
     first: str | None = None
     last: str | None = None
     seconds: float = 0.0
+    options: Options = field(default_factory=dict)
 
 
 @dataclass
@@ -119,7 +123,8 @@ def status(
         # A warning about the map would not be JSON.
         study = identify_study(configs, Console(stderr=True) if as_json else wide_console())
         wanted = {run.name: seeds for run, seeds in study.runs}
-        _print(look(study.results_dir, wanted), as_json)
+        options = {run.name: flatten(run.science) for run, _ in study.runs}
+        _print(look(study.results_dir, wanted, options), as_json)
         return 0, [float("nan")] * len(configs)
 
     return compose_and(act, ["-m", *overrides])
@@ -147,7 +152,9 @@ def look_at_all(results_dir: Path) -> Status:
     return look(results_dir, dict.fromkeys(names, seeds))
 
 
-def look(results_dir: Path, wanted: dict[str, list[int]]) -> Status:
+def look(
+    results_dir: Path, wanted: dict[str, list[int]], options: dict[str, Options] | None = None
+) -> Status:
     """Look at the state of runs.
 
     Parameters
@@ -156,7 +163,10 @@ def look(results_dir: Path, wanted: dict[str, list[int]]) -> Status:
         Where their tables are, if there are any.
     wanted
         Seeds that are wanted of each run.
+    options
+        Configuration of each run, dotted names; None: as its missions that are done tell.
     """
+    known = dict(options or {})
     failed, held = list_failures(results_dir), list_held(results_dir)
     problems, runs = [], []
     for name, seeds in wanted.items():
@@ -167,6 +177,8 @@ def look(results_dir: Path, wanted: dict[str, list[int]]) -> Status:
                 problems.append(stored.reason)
             if stored.state == "done":
                 state.done.append(seed)
+                if name not in known:
+                    known[name] = flatten(stored.footer["configuration"])
                 _add_times(state, stored.footer)
             elif (name, seed) in held:
                 state.running.append(seed)
@@ -177,6 +189,10 @@ def look(results_dir: Path, wanted: dict[str, list[int]]) -> Status:
             else:
                 state.missing.append(seed)
         runs.append(state)
+    apart = differing(known)
+    for state in runs:
+        own = known.get(state.run, {})
+        state.options = {option: own[option] for option in apart if option in own}
     problems += [f"{path} is no mission's: readers may trip over it, move it elsewhere"
                  for path in list_foreign(results_dir)]  # fmt: skip
     return Status(str(results_dir), runs, problems)
@@ -194,28 +210,38 @@ def _print(found: Status, as_json: bool) -> None:
     if as_json:
         print(json.dumps(asdict(found), indent=2))
         return
-    console = wide_console(160)
-    if not found.runs:
-        console.print(f"there is no run in {found.results_dir} yet", soft_wrap=True)
+    console = wide_console()
+    if found.runs:
+        _print_table(found, console)
     else:
-        console.print(_table(found))
+        say(console, f"there is no run in {found.results_dir} yet")
     for problem in found.problems:
-        console.print(Text(problem, style="yellow"), soft_wrap=True)
+        say(console, problem, style="yellow")
 
 
-def _table(found: Status) -> Table:
+def _print_table(found: Status, console: Console) -> None:
     rare = [name for name in ("failed", "running", "broken")
             if any(getattr(run, name) for run in found.runs)]  # fmt: skip
     kept = ["done", *rare, "missing"]
-    table = Table(title=f"runs in {found.results_dir}", box=box.SIMPLE, title_justify="left")
-    table.add_column("run", no_wrap=True)
-    for name in kept:
-        table.add_column(name, justify="right", style="red" if name in ("failed", "broken") else "")
-    for name in ("last (UTC)", "s a seed", "in all"):
-        table.add_column(name, justify="right", no_wrap=True)
+    apart = differing({run.run: run.options for run in found.runs})
+    columns = [
+        Column("run", least=WHOLE),
+        *(Column(name, right=True) for name in apart),
+        *(
+            Column(
+                name, right=True, empty="none", style="red" if name in ("failed", "broken") else ""
+            )
+            for name in kept
+        ),
+        Column("last (UTC)", right=True, spare=1),
+        Column("s a seed", right=True, spare=2),
+        Column("in all", right=True, spare=3),
+    ]
+    rows = []
     for run in found.runs:
-        mean = f"{run.seconds / len(run.done):.1f}" if run.done else ""
+        mean = figure(run.seconds / len(run.done)) if run.done else ""
         ended = run.last[:16].replace("T", " ") if run.last else ""
-        table.add_row(run.run, *(spans(getattr(run, name)) for name in kept), ended, mean,
-                      duration(run.seconds) if run.done else "")  # fmt: skip
-    return table
+        rows.append([run.run, *option_cells(run.options, apart).values(),
+                     *(spans(getattr(run, name)) for name in kept), ended, mean,
+                     duration(run.seconds) if run.done else ""])  # fmt: skip
+    print_table(console, f"runs in {found.results_dir}", columns, rows)

@@ -1,17 +1,20 @@
 """The tables around a study: what would run, and what came out."""
 
+import io
+import os
+import shutil
+import sys
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from infoplan.analyse.statistics import Interval, bootstrap_mean
-from infoplan.config import Config, options
+from infoplan.analyse.statistics import bootstrap_mean
+from infoplan.analyse.tables import Options, differing, flatten, option_text
+from infoplan.config import Config
+from infoplan.draw.table_layout import UNLIMITED, WHOLE, Column, PlainConsole, print_table, say
 from infoplan.draw.terminal import small_curves, takes_braille
 from infoplan.methods import method_label
 from infoplan.study.estimate import duration, kind_of, wall_seconds
@@ -19,9 +22,7 @@ from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
 from infoplan.study.runner import Study
 from infoplan.study.store import read_table
-
-LABELLED = ("planner.name", "detector.name", "detector.scope", "rho", "terrain.name")
-"""Options that a run's label shows in any case."""
+from infoplan.wording import counted, figure, harmless, interval
 
 
 @dataclass(frozen=True)
@@ -39,49 +40,66 @@ class Curve:
         return float(sum(self[name].sum() for name in self.columns if name.endswith("_seconds")))
 
 
-def wide_console(width: int = 120) -> Console:
-    """Return the console of a command; without a terminal its lines are not cut so soon."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=width)
+def wide_console() -> Console:
+    """Return the console of a command, which prints text as it is.
+
+    Its width is the terminal's, or what the environment variable COLUMNS says; in a pipe it is
+    unlimited. What the encoding of the output lacks becomes escapes.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    terminal = Console().is_terminal
+    width = shutil.get_terminal_size((80 if terminal else UNLIMITED, 24)).columns
+    # A width of its own keeps a display from following the terminal's.
+    follows = terminal and not Console().is_dumb_terminal and "COLUMNS" not in os.environ
+    return PlainConsole(highlight=False, width=None if follows else width)
 
 
 def print_summary(study: Study, console: Console) -> None:
     """Print RMSE along the budget, detector quality, time and failures of a study's runs."""
     curves = {run.name: stored_curves(study, run, seeds) for run, seeds in study.runs}
-    console.print(_closing_table(study, curves, takes_braille(console.encoding)))
+    _print_closing_table(study, curves, console)
     for label, reason, path in study.failed:
-        console.print(Text(f"FAILED {label}: {reason} ({path})", style="bold red"), soft_wrap=True)
-    computed = f"{study.computed} {'mission' if study.computed == 1 else 'missions'} computed"
-    parts = [computed, f"{study.kept} kept"]
+        say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
+    parts = [f"{counted(study.computed, 'mission')} computed", f"{study.kept} kept"]
     if study.failed:
         parts.append(f"{len(study.failed)} failed (the same command tries them again)")
     if study.unstarted:
         parts.append(f"{study.unstarted} not started (on_error=stop)")
-    console.print(f"{', '.join(parts)} in {duration(study.seconds)}", soft_wrap=True)
-    console.print(f"tables: {study.results_dir}/curves, samples, maps", soft_wrap=True)
+    say(console, f"{', '.join(parts)} in {duration(study.seconds)}")
+    say(console, f"tables: {study.results_dir}/curves, samples, maps")
 
 
 def print_plan(study: Study, config: Config, console: Console) -> None:
     """Print what a study would fly, what is stored already, and how long it would take."""
     todo = study.todo(config.resume)
-    table = _table("what would run")
-    for name in ("stored", "to run", "seeds to run", "about"):
-        table.add_column(name, justify="right" if name != "seeds to run" else "left")
-    named = labels([run for run, _ in study.runs])
+    runs = [run for run, _ in study.runs]
+    swept = varying(runs)
+    columns = [
+        Column("run", least=WHOLE),
+        *(Column(name, right=True) for name in next(iter(swept.values()))),
+        Column("stored", right=True),
+        Column("to run", right=True),
+        Column("seeds to run"),
+        Column("about", right=True),
+    ]
+    rows = []
     for run, seeds in study.runs:
         own = [task.seed for task in todo if task.run.name == run.name]
         one = study.pace.seconds(kind_of(run.science))
         about = duration(one * len(own)) if one and own else ""
-        table.add_row(named[run.name], str(len(seeds) - len(own)), str(len(own)),
-                      spans(own), about)  # fmt: skip
-    console.print(table)
+        rows.append([label(run), *swept[run.name].values(), str(len(seeds) - len(own)),
+                     str(len(own)), spans(own), about])  # fmt: skip
+    print_table(console, "what would run", columns, rows)
     for stored in study.stored.values():
         if stored.state == "broken":
-            console.print(Text(f"broken: {stored.reason}", style="yellow"), soft_wrap=True)
-    console.print(f"{len(todo)} missions would run, {len(study.stored) - len(todo)} are stored in "
-                  f"{study.results_dir}", soft_wrap=True)  # fmt: skip
+            say(console, f"broken: {stored.reason}", style="yellow")
+    there = len(study.stored) - len(todo)
+    say(console, f"{counted(len(todo), 'mission')} would run, {there} "
+        f"{'is' if there == 1 else 'are'} stored in {study.results_dir}")  # fmt: skip
     if todo:
-        console.print(_estimate(study, config, [kind_of(task.run.science) for task in todo]))
+        say(console, _estimate(study, config, [kind_of(task.run.science) for task in todo]))
 
 
 def final_rmse(study: Study) -> list[float]:
@@ -103,18 +121,33 @@ def stored_curves(study: Study, run: Run, seeds: list[int]) -> list[Curve]:
     return curves
 
 
-def labels(runs: list[Run]) -> dict[str, str]:
-    """Label runs by method, map, and the options in which they differ, by the runs' names."""
-    varying, made = _varying(runs), {}
-    for run in runs:
-        config, words = run.config, [run.terrain.name, f"rho {run.config.rho:g}"]
-        words += [f"{name}={value}" for name, value in _flat(run).items() if name in varying]
-        made[run.name] = (
-            f"{method_label(config.planner)} {method_label(config.detector)} "
-            f"{config.detector.scope}\n"
-            f"{' '.join(words)}\n{run.name.rsplit('-', 1)[1]}"
+def label(run: Run) -> str:
+    """Label a run by method, map and rho, and by the hash that its name ends in: three lines."""
+    config = run.config
+    methods = [config.planner, config.detector]
+    methods += [config.model] if config.model.name != "gp" else []
+    return "\n".join(
+        harmless(line)
+        for line in (
+            f"{' '.join(method_label(method) for method in methods)} {config.detector.scope}",
+            f"{run.terrain.name} rho {config.rho:g}",
+            run.name.rsplit("-", 1)[1],
         )
-    return made
+    )
+
+
+def varying(runs: list[Run]) -> dict[str, dict[str, str]]:
+    """Give the options in which runs differ, by the runs' names; empty where a run has none."""
+    flat = {run.name: flatten(run.science) for run in runs}
+    return {name: option_cells(own, differing(flat)) for name, own in flat.items()}
+
+
+def option_cells(flat: Options, names: list[str]) -> dict[str, str]:
+    """Write a run's options for a table; a digest in short, empty what the run does not have."""
+    cells = {name: option_text(flat[name]) if name in flat else "" for name in names}
+    if "terrain.sha256" in cells:
+        cells["terrain.sha256"] = cells["terrain.sha256"][:8]
+    return cells
 
 
 def spans(numbers: list[int]) -> str:
@@ -128,37 +161,39 @@ def spans(numbers: list[int]) -> str:
     return ", ".join("-".join(map(str, part)) for part in parts)
 
 
-def _closing_table(study: Study, curves: dict[str, list[Curve]], braille: bool) -> Table:
+def _print_closing_table(study: Study, curves: dict[str, list[Curve]], console: Console) -> None:
     runs = [run for run, _ in study.runs]
     budgets = {run.config.budget for run in runs}
     pilot = min(run.config.pilot.samples / run.config.budget for run in runs)
     shares = [share for share in (0.25, 0.5, 0.75, 1.0) if share >= pilot]
     units = sorted({run.terrain.unit for run in runs})
-    table = _table(f"RMSE in {' or '.join(units)}: mean [95 % bootstrap interval over seeds]")
-    table.add_column("curve", no_wrap=True)
-    table.add_column("seeds", justify="right")
-    for share in shares:
-        at = f"at {round(min(budgets) * share)}" if len(budgets) == 1 else f"at {share:.0%}"
-        table.add_column(at, justify="right")
-    for name in ("precision", "recall", "false alarms", "s a seed"):
-        table.add_column(name, justify="right", min_width=max(map(len, name.split())))
-    named = labels(runs)
-    drawn = small_curves([curves[run.name] for run in runs], braille=braille)
-    for (run, seeds), drawing in zip(study.runs, drawn, strict=True):
-        table.add_row(named[run.name], drawing, *_cells(run, seeds, curves[run.name], shares))
-    return table
-
-
-def _table(title: str) -> Table:
-    table = Table(title=title, box=box.SIMPLE, title_justify="left")
-    table.add_column("run", no_wrap=True)
-    return table
+    swept = varying(runs)
+    columns = [
+        Column("run", least=WHOLE),
+        *(Column(name, right=True) for name in next(iter(swept.values()))),
+        Column("curve", spare=1, drawn=True),
+        Column("seeds", right=True),
+    ]
+    at = [f"at {round(min(budgets) * share)}" if len(budgets) == 1 else f"at {share:.0%}"
+          for share in shares]  # fmt: skip
+    numbers = [*at, "precision", "recall", "false alarms", "s a seed"]
+    columns += [Column(name, right=True) for name in numbers]
+    drawn = small_curves(
+        [curves[run.name] for run in runs], braille=takes_braille(console.encoding)
+    )
+    rows = [
+        [label(run), *swept[run.name].values(), drawing,
+         *_cells(run, seeds, curves[run.name], shares)]
+        for (run, seeds), drawing in zip(study.runs, drawn, strict=True)
+    ]  # fmt: skip
+    title = f"RMSE in {' or '.join(units)}: mean [95 % bootstrap interval over seeds]"
+    print_table(console, title, columns, rows)
 
 
 def _cells(run: Run, seeds: list[int], curves: list[Curve], shares: list[float]) -> list[str]:
     count = str(len(seeds)) if len(curves) == len(seeds) else f"{len(curves)} of {len(seeds)}"
     if not curves:
-        return [count]
+        return [count, *[""] * (len(shares) + 4)]
     milestones = [round(run.config.budget * share) for share in shares]
     errors = np.array(
         [np.interp(milestones, curve["collected"], curve["rmse"], left=np.nan) for curve in curves]
@@ -168,11 +203,11 @@ def _cells(run: Run, seeds: list[int], curves: list[Curve], shares: list[float])
     )
     return [
         count,
-        *(_show(bootstrap_mean(column)) for column in errors.T),
+        *(_show(column) for column in errors.T),
         _ratio(tp, tp + fp),
         _ratio(tp, tp + fn),
         f"{fp.mean():.1f}",
-        f"{np.mean([curve.seconds for curve in curves]):.1f}",
+        figure(float(np.mean([curve.seconds for curve in curves]))),
     ]
 
 
@@ -186,23 +221,9 @@ def _estimate(study: Study, config: Config, kinds: list[Any]) -> str:
     workers = 1 if config.backend == "sequential" else worker_count(config.n_jobs)
     workers = min(workers, len(known))
     return (
-        f"about {duration(wall_seconds(known, workers))} with {workers} "
-        f"{'worker' if workers == 1 else 'workers'}, by the missions stored"
+        f"about {duration(wall_seconds(known, workers))} with {counted(workers, 'worker')}, "
+        "by the missions stored"
     )
-
-
-def _flat(run: Run) -> dict[str, Any]:
-    return {name: value for name, value, _ in options(run.config)}
-
-
-def _varying(runs: list[Run]) -> set[str]:
-    """Options, those in every label apart, that are not the same in all runs that have them."""
-    flat = [_flat(run) for run in runs]
-    return {
-        name
-        for name in {name for one in flat for name in one} - {*LABELLED, "terrain.path"}
-        if len({repr(one[name]) for one in flat if name in one}) > 1
-    }
 
 
 def _counted(run: Run, curve: Curve, key: str) -> int:
@@ -211,12 +232,9 @@ def _counted(run: Run, curve: Curve, key: str) -> int:
     return int(curve[key][-1] if historical else curve[key].sum())
 
 
-def _show(interval: Interval) -> str:
-    if np.isnan(interval.mean):
-        return ""
-    if np.isnan(interval.low):
-        return f"{interval.mean:.0f}"
-    return f"{interval.mean:.0f}\n[{interval.low:.0f}, {interval.high:.0f}]"
+def _show(values: NDArray[np.float64]) -> str:
+    mean = bootstrap_mean(values)
+    return interval(mean.mean, mean.low, mean.high).replace(" ", "\n", 1)
 
 
 def _ratio(part: NDArray[np.int64], whole: NDArray[np.int64]) -> str:

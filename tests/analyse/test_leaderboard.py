@@ -124,7 +124,7 @@ def test_a_method_that_lacks_a_map_is_not_ranked_and_named(tmp_path):
     told = " / ".join(board.notes)
     assert "puct-none-gp-batch is not ranked: it lacks helens rho 0, volcano rho 0" in told
     assert "helens rho 0.3 does not count" in told
-    assert "1 missions with other settings than budget=600 are left out" in told
+    assert "1 mission with other settings than budget=600 is left out" in told
     chosen = rank(tmp_path, {"terrain": "helens", "rho": 0.2, "seed": 0})
     assert chosen.standings[0].method == "puct-none-gp-batch"
     assert chosen.missions == 4

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from infoplan.analyse import Claim, Comparison, Interval, Selection, Stated
-from infoplan.draw.claims_table import as_json, markdown, number, print_claims, stated
+from infoplan.draw.claims_table import as_json, markdown, print_claims, stated
 
 NAN = math.nan
 
@@ -93,14 +93,6 @@ def test_json_is_strict_and_whole():
     assert (second["more_seeds"], third["more_seeds"], fifth["more_seeds"]) == (150, None, None)
     assert fourth["commands"] == ["infoplan run rho=0.1"]
     assert fourth["comparisons"][0]["effect"] is None
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(1234.5, "1234"), (60.44, "60.4"), (1.234, "1.23"), (-0.0164, "-0.016"), (0.0, "0")],
-)
-def test_numbers_have_the_digits_they_deserve(value, text):
-    assert number(value) == text
 
 
 @pytest.mark.parametrize(

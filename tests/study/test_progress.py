@@ -91,7 +91,7 @@ def test_a_terminal_has_a_bar_for_the_whole_and_one_a_mission():
     assert "1 done, 3 skipped of 7" in rows[0]
     assert "left" in rows[0]
     assert [row.split()[:2] for row in rows[1:]] == [["mission", "1"], ["mission", "2"]]
-    assert "700 of 1000 samples  RMSE 3.5 ft" in rows[2]
+    assert "700 of 1000 samples  RMSE 3.50 ft" in rows[2]
 
 
 def test_a_low_terminal_shows_as_many_bars_as_fit():

@@ -1,9 +1,7 @@
 """Maps in NumPy's files and in texts: what is read, and what is refused in which words."""
 
 import hashlib
-import os
 import struct
-import threading
 import tracemalloc
 import zipfile
 from pathlib import Path
@@ -15,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from infoplan.errors import UsageError
-from infoplan.terrain import TerrainValueWarning, grids, load_terrain, texts
+from infoplan.terrain import grids, load_terrain, texts
 
 MAP = np.arange(12.0).reshape(3, 4)
 

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.text import Text
 
 from infoplan.analyse.audit.detector import (
     check_confusion,
@@ -35,8 +37,16 @@ from infoplan.analyse.audit.sensing import (
 )
 from infoplan.analyse.audit.stored import FaultError, StoredMission, read_mission, stored_missions
 from infoplan.analyse.audit.tables import check_configuration, check_grid, check_rows, check_values
+from infoplan.draw.table_layout import UNLIMITED, wrapped
 from infoplan.errors import UsageError
 from infoplan.study.run_names import choose_run
+from infoplan.wording import counted, encodable, harmless
+
+NARROW = 30
+"""With less room than this beside a check its details stand below it."""
+
+BELOW = "      "
+"""Before details that stand below their check."""
 
 CHECKS: dict[str, Callable[[StoredMission], str]] = {
     "values": check_values,
@@ -185,13 +195,16 @@ def audit_mission(
     return findings
 
 
-def render(findings: Iterable[Finding]) -> str:
+def render(findings: Iterable[Finding], width: int = UNLIMITED) -> str:
     """Lay findings out as a plain table, grouped by run.
 
     Parameters
     ----------
     findings
         Of any number of missions.
+    width
+        Longest line; a word alone may be longer. Details are broken between words, and stand below
+        their check where there is little room beside it.
 
     Returns
     -------
@@ -203,32 +216,39 @@ def render(findings: Iterable[Finding]) -> str:
     lines = []
     for run in dict.fromkeys(finding.run for finding in everything):
         of_run = [finding for finding in everything if finding.run == run]
-        missions = len({finding.seed for finding in of_run})
-        lines.append(f"{run}: {_missions(missions)}")
+        missions = counted(len({finding.seed for finding in of_run}), "mission")
+        lines += wrapped(f"{harmless(run)}: {missions}", width)
         for check in dict.fromkeys(finding.check for finding in of_run):
-            lines += _render_check([finding for finding in of_run if finding.check == check])
+            lines += _render_check([finding for finding in of_run if finding.check == check], width)
         lines.append("")
     failed = sum(not finding.holds for finding in everything)
-    missions = len({(finding.run, finding.seed) for finding in everything})
+    missions = counted(len({(finding.run, finding.seed) for finding in everything}), "mission")
     verdict = f"{failed} FAIL" if failed else "all hold"
-    lines.append(f"{_missions(missions)}, {len(everything)} checks: {verdict}")
+    lines += wrapped(f"{missions}, {counted(len(everything), 'check')}: {verdict}", width)
     return "\n".join(lines)
 
 
-def _missions(count: int) -> str:
-    return f"{count} mission{'' if count == 1 else 's'}"
+def print_findings(findings: Iterable[Finding], console: Console) -> None:
+    """Print findings as `render` lays them out for the console."""
+    for line in render(findings, console.width).split("\n"):
+        console.print(Text(encodable(line, console.encoding)), soft_wrap=True)
 
 
-def _render_check(findings: list[Finding]) -> list[str]:
+def _render_check(findings: list[Finding], width: int) -> list[str]:
     """Lines of one check of one run."""
     failed = [finding for finding in findings if not finding.holds]
     count = f"{len(failed) or len(findings)} of {len(findings)}"
-    head = f"  {findings[0].check:<17} {'FAILS' if failed else 'holds'} {count:>9}"
+    head = f"  {harmless(findings[0].check):<17} {'FAILS' if failed else 'holds'} {count:>9}"
     if failed:
-        details = [f"seed {finding.seed}: {finding.detail}" for finding in failed]
+        details = [f"seed {finding.seed}: {harmless(finding.detail)}" for finding in failed]
     else:
-        details = [findings[0].detail] if len(findings) == 1 else [""]
+        details = [harmless(findings[0].detail)] if len(findings) == 1 else []
+    margin = len(head) + 2
+    if width - margin < NARROW:
+        below = [wrapped(f"{BELOW}{detail}", width, BELOW) for detail in details]
+        return [head, *(line for lines in below for line in lines)]
+    beside = [line for detail in details for line in wrapped(detail, width - margin)] or [""]
     return [
-        f"{head if i == 0 else ' ' * len(head)}  {detail}".rstrip()
-        for i, detail in enumerate(details)
+        f"{' ' * margin if number else f'{head}  '}{line}".rstrip()
+        for number, line in enumerate(beside)
     ]
