@@ -52,7 +52,7 @@ def find_helens(path: Path | None = None) -> Path | None:
     """
     if path is not None:
         file = _in_folder(path)
-        if not _is_file(file):
+        if not os.path.isfile(file):  # no error of a long name or a closed folder
             raise UsageError(
                 f"terrain.path={harmless(path)} leads to no {FILE}: give the file or a folder that holds "
                 "it, or leave terrain.path out to have it downloaded"
@@ -113,7 +113,7 @@ def read_helens(file: Path) -> NDArray[np.float64]:
 
 
 def _in_folder(path: Path) -> Path:
-    return path / FILE if path.is_dir() else path
+    return path / FILE if os.path.isdir(path) else path
 
 
 def _cached_file() -> Path:
@@ -148,13 +148,6 @@ def _content(file: Path) -> bytes:
         raise UsageError(
             f"{harmless(file)} cannot be read: {error.strerror}; make it readable"
         ) from error
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a folder on the way may not be looked into, or the name is too long
-        return False
 
 
 def _download(patience: float) -> bytes:
