@@ -59,7 +59,7 @@ def find_helens(path: Path | None = None) -> Path | None:
             )
         return _checked(file, "terrain.path")
     data = os.environ.get("INFOPLAN_DATA")
-    if data and (file := _in_folder(user_path(data))).is_file():
+    if data and os.path.isfile(file := _in_folder(user_path(data))):
         return _checked(file, "INFOPLAN_DATA")
     cached = _cached_file()
     return cached if _is_whole(cached) else None
