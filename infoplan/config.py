@@ -670,8 +670,9 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
         return
     if isinstance(value, str):
         if choices and value not in choices:
-            number = " or a whole number" if metadata["bounds"] else " or a number"
-            also = number if metadata["type"] is Any else ""
+            also = ""
+            if metadata["type"] is Any:
+                also = " or a whole number" if metadata["bounds"] else " or a number"
             raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
         return
     length = metadata["length"]

@@ -154,7 +154,9 @@ def _world_axes(axes: "Axes", terrain: Terrain) -> None:
         there = partial(_straight, at=extent[0], value=world[0], slope=slope)
         back = partial(_straight, at=world[0], value=extent[0], slope=1 / slope)
         outside = getattr(axes, f"secondary_{axis}axis")(-0.22, functions=(there, back))
-        getattr(outside, f"set_{axis}label")(_label(terrain.crs) if len(terrain.crs) < 20 else "world")
+        getattr(outside, f"set_{axis}label")(
+            _label(terrain.crs) if len(terrain.crs) < 20 else "world"
+        )
         outside.ticklabel_format(useOffset=False, style="plain")
         getattr(outside, f"{axis}axis").set_major_locator(MaxNLocator(3))
         outside.tick_params(axis="y", labelrotation=90)

@@ -21,8 +21,8 @@ HEADER = 4096
 CHUNK = 2**22
 """Bytes that are parsed at once."""
 
-KEYS = ("ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
-        "nodata_value")  # fmt: skip
+KEYS = ("ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx",
+        "dy", "nodata_value")  # fmt: skip
 NODATA = -9999.0
 """What marks a missing elevation where the header does not say it, by the format's definition."""
 
@@ -165,7 +165,9 @@ def _wrong(key: str, number: float) -> str | None:
         return None
     if not math.isfinite(number):
         return "it must be a finite number"
-    if key in ("ncols", "nrows") and not (2 <= number <= grids.MAX_STORED_NODES and number % 1 == 0):
+    if key in ("ncols", "nrows") and not (
+        2 <= number <= grids.MAX_STORED_NODES and number % 1 == 0
+    ):
         return f"it must be a whole number, at least 2 and at most {grids.MAX_STORED_NODES}"
     if key in ("cellsize", "dx", "dy") and number <= 0:
         return "it must be above 0"

@@ -54,8 +54,8 @@ def find_helens(path: Path | None = None) -> Path | None:
         file = _in_folder(path)
         if not os.path.isfile(file):  # no error of a long name or a closed folder
             raise UsageError(
-                f"terrain.path={harmless(path)} leads to no {FILE}: give the file or a folder that holds "
-                "it, or leave terrain.path out to have it downloaded"
+                f"terrain.path={harmless(path)} leads to no {FILE}: give the file or a folder that "
+                "holds it, or leave terrain.path out to have it downloaded"
             )
         return _checked(file, "terrain.path")
     data = os.environ.get("INFOPLAN_DATA")
@@ -126,8 +126,8 @@ def _checked(file: Path, source: str) -> Path:
     digest = _digest(file)
     if digest != SHA256:
         raise UsageError(
-            f"{harmless(file)} (from {source}) is not the paper's grid: its SHA-256 is {digest}, not "
-            f"{SHA256}; replace it, or use it as a map of your own with terrain=file "
+            f"{harmless(file)} (from {source}) is not the paper's grid: its SHA-256 is {digest}, "
+            f"not {SHA256}; replace it, or use it as a map of your own with terrain=file "
             f"terrain.path={harmless(file)}"
         )
     return file

@@ -424,9 +424,7 @@ class TestText:
         if encoding == "utf-16-le":
             assert "is a text in UTF-16 without its mark: save it as UTF-8" in refusal(path)
             return
-        np.testing.assert_array_equal(
-            load_terrain("file", path=path).elevation, [[1, 2], [3, 4.5]]
-        )
+        np.testing.assert_array_equal(load_terrain("file", path=path).elevation, [[1, 2], [3, 4.5]])
         path.write_bytes("# Höhe\n1;2\n3;4°\n".encode(encoding))
         assert "line 3, column 3: '4°'" in refusal(path)
 
@@ -483,7 +481,7 @@ class TestNodata:
 
     @pytest.mark.parametrize("nodata", ["keep", float("nan"), float("inf")])
     def test_no_number(self, nodata, tmp_path):
-        with pytest.raises(UsageError, match="use refuse or fill or a number|must be finite"):
+        with pytest.raises(UsageError, match=r"use refuse or fill or a number|must be finite"):
             load_terrain("file", path=saved(tmp_path, MAP), nodata=nodata)
 
     @pytest.mark.parametrize(

@@ -38,10 +38,10 @@ POINTS = {
     "scattered": points(*scattered(300)),
     "scattered, few": points(*scattered(20)),
     "scattered, z of the same size": points(*(p := scattered(200)), (surface(*p) - 1000) / 10),
-    "in metres east and north": points(*scattered(30, 1e4)) + [5.6e5, 5.1e6, 0],
+    "in metres east and north": np.add(points(*scattered(30, 1e4)), [5.6e5, 5.1e6, 0]),
     "in degrees": points(*scattered(20)) * [1e-4, 1e-4, 0.01] + [-67, 18, 0],
     "along tracks": LAWN,
-    "three rows": (points(*scattered(30)) + [5.6e5, 5.1e6, 0]).T,
+    "three rows": np.add(points(*scattered(30)), [5.6e5, 5.1e6, 0]).T,
 }
 
 
@@ -79,13 +79,14 @@ def test_the_advice_works(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "heading", ["x,y,z", "lat,lon,depth", "Longitude;Latitude;Elevation", "X1 X2 elevation", '"x","y","z"']
-)  # fmt: skip
+    "heading",
+    ["x,y,z", "lat,lon,depth", "Longitude;Latitude;Elevation", "X1 X2 elevation", '"x","y","z"'],
+)
 def test_a_heading_of_points_is_told(heading, tmp_path):
     path = tmp_path / "map.csv"
     mark = next(mark for mark in ";, " if mark in heading)
     path.write_text("\n".join([heading, *(mark.join(map(str, row)) for row in LATTICE)]))
-    with pytest.raises(UsageError, match="line 1, column 1: .* heading of points; grid points"):
+    with pytest.raises(UsageError, match=r"line 1, column 1: .* heading of points; grid points"):
         load_terrain("file", path=path)
 
 

@@ -251,9 +251,9 @@ def add_overviews(path: Path, *, outside: bool = False) -> Path:
 
 def checkerboard(rows: int, columns: int) -> np.ndarray:
     """Squares of one node, 0, 200, 100, 0: the mean of every four is 75."""
-    return np.tile(
-        np.array([[0, 200], [100, 0]], np.uint8), (rows // 2 + 1, columns // 2 + 1)
-    )[:rows, :columns]
+    return np.tile(np.array([[0, 200], [100, 0]], np.uint8), (rows // 2 + 1, columns // 2 + 1))[
+        :rows, :columns
+    ]
 
 
 class TestLarge:
