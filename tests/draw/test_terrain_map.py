@@ -117,7 +117,8 @@ def test_digits_fit_the_map(elevation, told):
 
 
 @pytest.mark.parametrize(
-    "unit", ["<script>alert(1)</script>", "$x$", r"$\frac{", "$", "m\x1b[31m\n\x07", "\u202em", "100 $ $"]
+    "unit",
+    ["<script>alert(1)</script>", "$x$", r"$\frac{", "$", "m\x1b[31m\n\x07", "\u202em", "100 $ $"]
 )  # fmt: skip
 def test_a_unit_is_nothing_but_a_word(unit, tmp_path):
     terrain = Terrain("t", Z, (0.0, 50.0, 0.0, 50.0), unit, "0" * 64, (0, 1, 0, 1), unit)
