@@ -91,8 +91,8 @@ def _entry(
     entry = maps[member]
     if entry.file_size > MAX_BYTES:
         raise UsageError(
-            f"{harmless(member)} in {archive} unpacks to {entry.file_size} bytes, more than the {MAX_BYTES} "
-            "that are unpacked: unpack it yourself if you trust it"
+            f"{harmless(member)} in {archive} unpacks to {entry.file_size} bytes, more than the "
+            f"{MAX_BYTES} that are unpacked: unpack it yourself if you trust it"
         )
     return entry
 

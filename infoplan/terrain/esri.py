@@ -21,8 +21,8 @@ HEADER = 4096
 CHUNK = 2**22
 """Bytes that are parsed at once."""
 
-KEYS = ("ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
-        "nodata_value")  # fmt: skip
+KEYS = ("ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx",
+        "dy", "nodata_value")  # fmt: skip
 NODATA = -9999.0
 """What marks a missing elevation where the header does not say it, by the format's definition."""
 

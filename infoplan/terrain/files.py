@@ -152,12 +152,19 @@ def _read(stream: BinaryIO, name: str, what: str, wanted: Wanted) -> MapFile:
 
 
 def _read_large(stream: BinaryIO, name: str, what: str, wanted: Wanted) -> MapFile:
-    digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    digest = _digest(stream)
     read = _raster(stream, name, what, wanted, digest)
-    stream.seek(0)
-    if hashlib.file_digest(stream, "sha256").hexdigest() != digest:
+    if _digest(stream) != digest:
         raise UsageError(f"{what} changed while it was read: try again when it is complete")
     return read
+
+
+def _digest(stream: BinaryIO) -> str:
+    digest = hashlib.sha256()
+    stream.seek(0)
+    while chunk := stream.read(2**20):
+        digest.update(chunk)
+    return digest.hexdigest()
 
 
 def _raster(source: bytes | BinaryIO, name: str, what: str, wanted: Wanted, digest: str) -> MapFile:

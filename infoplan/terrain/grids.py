@@ -193,7 +193,7 @@ class Ends:
             finite = np.isfinite(values)
             least = np.min(values, where=finite, initial=math.inf)
             second = np.min(values, where=finite & (values > least), initial=math.inf)
-            ends[:] = (sorted({*ends, float(least), float(second)}) + [math.inf])[:2]
+            ends[:] = [*sorted({*ends, float(least), float(second)}), math.inf][:2]
 
     def lone(self) -> tuple[float, float, float] | None:
         """Find a value at an end that is far from all others.

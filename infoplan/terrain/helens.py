@@ -53,14 +53,14 @@ def find_helens(path: Path | None = None) -> Path | None:
     """
     if path is not None:
         file = _in_folder(path)
-        if not _is_file(file):
+        if not os.path.isfile(file):  # no error of a long name or a closed folder
             raise UsageError(
-                f"terrain.path={harmless(path)} leads to no {FILE}: give the file or a folder that holds "
-                "it, or leave terrain.path out to have it downloaded"
+                f"terrain.path={harmless(path)} leads to no {FILE}: give the file or a folder that "
+                "holds it, or leave terrain.path out to have it downloaded"
             )
         return _checked(file, "terrain.path")
     data = os.environ.get("INFOPLAN_DATA")
-    if data and (file := _in_folder(user_path(data))).is_file():
+    if data and os.path.isfile(file := _in_folder(user_path(data))):
         return _checked(file, "INFOPLAN_DATA")
     cached = kept_file(FILE)
     return cached if cached and _is_whole(cached) else None
@@ -119,15 +119,15 @@ def read_helens(file: Path) -> NDArray[np.float64]:
 
 
 def _in_folder(path: Path) -> Path:
-    return path / FILE if path.is_dir() else path
+    return path / FILE if os.path.isdir(path) else path
 
 
 def _checked(file: Path, source: str) -> Path:
     digest = _digest(file)
     if digest != SHA256:
         raise UsageError(
-            f"{harmless(file)} (from {source}) is not the paper's grid: its SHA-256 is {digest}, not "
-            f"{SHA256}; replace it, or use it as a map of your own with terrain=file "
+            f"{harmless(file)} (from {source}) is not the paper's grid: its SHA-256 is {digest}, "
+            f"not {SHA256}; replace it, or use it as a map of your own with terrain=file "
             f"terrain.path={harmless(file)}"
         )
     return file
@@ -148,13 +148,6 @@ def _content(file: Path) -> bytes:
         raise UsageError(
             f"{harmless(file)} cannot be read: {error.strerror}; make it readable"
         ) from error
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a folder on the way may not be looked into, or the name is too long
-        return False
 
 
 def _download(patience: float) -> bytes:

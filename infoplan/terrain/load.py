@@ -27,7 +27,7 @@ from infoplan.terrain.grids import Ends, Floats, Grid
 from infoplan.terrain.random_field import random_field
 from infoplan.terrain.surface import Terrain, array_digest, checked_extent
 from infoplan.terrain.units import in_unit
-from infoplan.wording import harmless, suggest
+from infoplan.wording import figure, harmless, suggest
 
 TERRAINS = {
     "helens": "Mount St. Helens after 1980, the paper's 100 x 100 grid, feet",
@@ -184,7 +184,7 @@ def _file(config: FileConfig) -> Source:
             grid = replace(grid, elevation=marked)
         ends.see(grid.elevation)
     if lone := ends.lone():
-        value, low, high = map(grids.plain, lone)
+        value, low, high = grids.plain(lone[0]), figure(lone[1]), figure(lone[2])
         concerns.append(
             f"an elevation of {what}, {value}, is far from all others, {low} to {high}: if it "
             f"marks missing ones, terrain.nodata={value} fills them; if it is right, go on"

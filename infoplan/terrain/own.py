@@ -64,7 +64,7 @@ def make(path: str, given: dict[str, Any]) -> Grid:
 def _as_array(elevation: Any) -> NDArray[Any]:
     """Make an array of what a function returns; masked elevations are missing ones."""
     if isinstance(elevation, np.ma.MaskedArray) and elevation.dtype.kind in "iuf":
-        return elevation.astype(np.float64).filled(np.nan)
+        return np.ma.filled(elevation.astype(np.float64), np.nan)
     return np.asarray(elevation)
 
 

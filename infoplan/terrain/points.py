@@ -34,7 +34,7 @@ OTHER = 3.0
 LARGE = 1e5
 """No elevation is as large, most coordinates north of the equator in metres are."""
 FILLED, EXPLAINED = 0.7, 0.35
-"""Share of an area that scattered points reach; and how far a neighbour's z is off, of the usual."""
+"""Share of an area that scattered points reach; how far a neighbour's z is off, of the usual."""
 NEIGHBOURS = 24
 ALONG = 20
 """Neighbours along this part of a track tell nothing."""

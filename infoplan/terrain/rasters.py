@@ -159,7 +159,7 @@ def _check_signs(content: bytes, what: str) -> None:
 
 
 def _blocks(dataset: Any) -> Iterator[Block]:
-    """Read a grid part by part, each of whole blocks of the file; its overviews are not looked at."""
+    """Read a grid part by part, each of whole blocks of the file, and never an overview."""
     from rasterio.windows import Window
 
     high, wide = dataset.block_shapes[0]

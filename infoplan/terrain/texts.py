@@ -95,25 +95,27 @@ def refusal(cell: str) -> str | None:
 
 
 def _encoding(content: bytes, what: str) -> str:
-    for mark, encoding in ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),
-                           (codecs.BOM_UTF16_BE, "utf-16")):  # fmt: skip
-        if content.startswith(mark):
-            break
-    else:
-        encoding = "ascii" if content.isascii() else "utf-8"
-        if b"\0" in content[: 2**16]:
-            zeros = {content[start:2000:2].count(0) for start in (0, 1)}
-            if min(zeros) == 0 and max(zeros) >= len(content[:2000]) // 3:
-                raise UsageError(f"{what} is a text in UTF-16 without its mark: save it as UTF-8")
-            raise UsageError(f"{what} is no text: {HELP}")
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        if not _decodes(content, "utf-16"):
+            raise UsageError(f"{what} is a damaged text in UTF-16: save it as UTF-8")
+        return "utf-16"
+    start = content[:2000]
+    if b"\0" in start:
+        zeros = [start[side::2].count(0) for side in (0, 1)]
+        if min(zeros) == 0 and max(zeros) > len(start) // 3:
+            raise UsageError(f"{what} is a text in UTF-16 without its mark: save it as UTF-8")
+        raise UsageError(f"{what} is no text: {HELP}")
+    # Whatever else it is, Latin-1 reads it, and what is no number is told.
+    return "utf-8-sig" if content.isascii() or _decodes(content, "utf-8-sig") else "latin-1"
+
+
+def _decodes(content: bytes, encoding: str) -> bool:
     try:
         for _ in io.TextIOWrapper(io.BytesIO(content), encoding=encoding):
             pass
-    except UnicodeError as error:
-        if encoding == "utf-16":
-            raise UsageError(f"{what} is a damaged text in UTF-16: save it as UTF-8") from error
-        return "latin-1"
-    return encoding
+    except UnicodeError:
+        return False
+    return True
 
 
 def _rows(content: bytes, encoding: str) -> Iterator[Line]:

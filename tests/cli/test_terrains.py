@@ -1,5 +1,7 @@
 """Maps as a user meets them: ``infoplan terrain``, and ``infoplan run`` and ``audit`` on each."""
 
+import os
+import resource
 import shutil
 import zipfile
 from pathlib import Path
@@ -136,6 +138,18 @@ BAD = {
     "terrain=file terrain.path=magic.tif": "is not a readable GeoTIFF",
     "terrain=file terrain.path=thin.csv": "at least 2 rows and 2 columns",
     "terrain=file terrain.path=empty.csv": "holds no elevation at all",
+    "terrain=file terrain.path=words.asc": "line 6, column 3: 'NA' is not a number",
+    "terrain=file terrain.path=flat.asc": "cellsize 0: it must be above 0",
+    "terrain=file terrain.path=points.csv": "looks like points x, y, z",
+    "terrain=file terrain.path=wrong.csv": "line 4, column 3: 'x' is not a number",
+    "terrain=file terrain.path=deep.csv": "beyond 1e+100",
+    "terrain=file terrain.path=pipe.npy": "names a pipe, a socket or a device",
+    "terrain=file terrain.path=hills.dem terrain.nodata=[1,2]": "terrain.nodata=[1, 2] is not",
+    "terrain=file terrain.path=hills.dem terrain.nodata=true": "terrain.nodata=True is not",
+    "terrain=file terrain.path=hills.dem terrain.nodata=nan": "terrain.nodata=nan must be finite",
+    "terrain=volcano terrain.extent=[0,1e-9,0,1e-9]": "terrain.extent=[0.0, 1e-09, 0.0, 1e-09] is",
+    "terrain=volcano terrain.extent=[0,1e308,0,1e308]": "is no workspace",
+    "terrain=volcano terrain.extent=[-1e308,1e308,-1e308,1e308]": "is no workspace",
 }
 
 
@@ -154,8 +168,50 @@ def test_a_mistake_is_one_sentence_and_status_2(
     Path("magic.tif").write_bytes(b"PK\x03\x04" + bytes(99))
     Path("thin.csv").write_text("1,2,3\n")
     Path("empty.csv").write_text("nan,nan\nnan,nan\n")
+    header = "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n"
+    Path("words.asc").write_text(header + "1 NA\n3 4\n")
+    Path("flat.asc").write_text(header.replace("cellsize 1", "cellsize 0") + "1 2\n3 4\n")
+    Path("points.csv").write_text("".join(f"{x},{y},{x * y}\n" for x in range(9) for y in range(9)))
+    Path("wrong.csv").write_text("# a map\n1,2\n\n3,x\n")
+    Path("deep.csv").write_text("1,2\n-1.7e308,1.7e308\n")
+    os.mkfifo("pipe.npy")
     assert main([*command.split(), *arguments.split()]) == 2
     said = capfd.readouterr()
     assert BAD[arguments] in said.err
     assert len(said.err.splitlines()) == 1
     assert said.out == ""
+
+
+def test_a_picture_that_cannot_be_written_is_one_sentence(tmp_path, monkeypatch, capfd):
+    (tmp_path / "file").touch()
+    show = ["terrain", "show", "terrain=volcano"]
+    assert main([*show, f"results_dir={tmp_path / 'file'}"]) == 1
+    said = capfd.readouterr().err
+    assert "cannot be written to" in said
+    assert "Not a directory; choose another folder with results_dir=" in said
+    # As on a full disk: files end at 1000 bytes.
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        status = main([*show, f"results_dir={tmp_path / 'results'}"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert status == 1
+    said = capfd.readouterr().err
+    assert "File too large; choose another folder" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_marked_map_is_one_run_however_its_mark_is_written(folder, tmp_path, capfd):
+    elevation = np.load(folder / "hills.npy").astype(float)
+    elevation[3, 4] = -9999
+    np.save(tmp_path / "void.npy", elevation)
+    wanted = ["terrain=file", f"terrain.path={tmp_path / 'void.npy'}", *ON_A_MAP,
+              f"results_dir={tmp_path}"]  # fmt: skip
+    assert main(["run", *wanted]) == 0
+    assert "WARNING: an elevation of" in capfd.readouterr().out
+    for number in ("-9999", "-9999.0", "-9.999e3"):
+        assert main(["run", *wanted, f"terrain.nodata={number}"]) == 0
+    assert "WARNING" not in capfd.readouterr().out
+    assert len(list((tmp_path / "runs").iterdir())) == 2
+    assert main(["audit", f"results_dir={tmp_path}", f"terrain.path={tmp_path / 'void.npy'}"]) == 0

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.cbook import is_math_text
 from matplotlib.image import imread
+from matplotlib.text import Text
 
 from infoplan.analyse import local_relief
 from infoplan.draw import style, terrain_map
@@ -93,3 +95,54 @@ def test_a_place_in_the_world_is_told_and_drawn(volcano, tmp_path):
     assert "world" not in described(volcano)
     there = draw_terrain(placed, tmp_path / "placed").read_bytes()
     assert there != draw_terrain(volcano, tmp_path / "plain").read_bytes()
+
+
+Z = np.random.default_rng(0).normal(size=(30, 40))
+
+
+@pytest.mark.parametrize(
+    ("elevation", "told"),
+    [
+        (1.7 + 0.3 * np.sin(Z), "1.40 to 2.00"),
+        ((Z - Z.min()) / np.ptp(Z), "0 to 1.00"),
+        (np.where(Z > 0, 1000.0001, 1000.0003), "1000.000100 to 1000.000300"),
+        (np.where(Z > 0, -0.01234, 0.05678), "-0.0123 to 0.0568"),
+        (np.where(Z > 0, 812.4, 8365.2), "812 to 8365"),
+        (np.where(Z > 0, 1e99, -1e99), "-1.00e+99 to 1.00e+99"),
+    ],
+)
+def test_digits_fit_the_map(elevation, told):
+    terrain = Terrain("t", elevation, (0.0, 50.0, 0.0, 50.0), "km", "0" * 64)
+    assert described(terrain)["elevation"] == f"{told} km"
+
+
+@pytest.mark.parametrize(
+    "unit",
+    ["<script>alert(1)</script>", "$x$", r"$\frac{", "$", "m\x1b[31m\n\x07", "\u202em", "100 $ $"]
+)  # fmt: skip
+def test_a_unit_is_nothing_but_a_word(unit, tmp_path):
+    terrain = Terrain("t", Z, (0.0, 50.0, 0.0, 50.0), unit, "0" * 64, (0, 1, 0, 1), unit)
+    lines = describe(terrain).splitlines()
+    assert len(lines) == len(described(terrain)) == 9
+    assert all(line.isprintable() for line in lines)
+    drawn = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(style, "save", lambda figure, *_: drawn.append(figure) or [tmp_path])
+        draw_terrain(terrain, tmp_path)
+    labels = [text.get_text() for text in drawn[0].findobj(Text) if "elevation" in text.get_text()]
+    assert labels
+    for label in labels:
+        assert not is_math_text(label)
+        assert label.isprintable()
+
+
+@pytest.mark.parametrize(
+    "extent", [(0, 1e-6, 0, 1e-6), (0, 1e9, 0, 1e9), (0, 1e-3, 0, 1e3), (0, 5, 0, 5), (9, 11, 0, 2)]
+)
+def test_relief_of_any_workspace(extent):
+    elevation = np.random.default_rng(0).normal(size=(300, 200))
+    terrain = Terrain("t", elevation, extent, "m", "0" * 64)
+    assert "within 2 units" in described(terrain)["relief"]
+    if np.hypot(extent[1] - extent[0], extent[3] - extent[2]) < 2:
+        whole = described(terrain)["relief"].split()[0]
+        assert f"within 2 units {whole} m" in described(terrain)["relief"]

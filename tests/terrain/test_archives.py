@@ -176,3 +176,24 @@ def test_encrypted(tmp_path):
         content[content.index(header) + flag] |= 1
     path.write_bytes(content)
     assert "cannot be unpacked, it is encrypted" in refusal(path)
+
+
+def test_names_in_messages_are_harmless(tmp_path):
+    name = "a\x1b[31m\u202e.npy"
+    for content, words in ((b"x", "is not a .npy file"), (npy(np.ones((2, 2))), "is 1 everywhere")):
+        with pytest.raises(UsageError, match=words) as caught:
+            load_terrain("file", path=pack(tmp_path, **{name: content}))
+        assert str(caught.value).isprintable()
+    for options in ({}, {"member": "b\x07.npy"}):
+        with pytest.raises(UsageError) as caught:
+            load_terrain("file", path=pack(tmp_path, **{name: b"", "b.npy": b""}), **options)
+        assert str(caught.value).isprintable()
+    for bad in ("../\x1b.npy", "..\\\x1b.npy"):
+        with pytest.raises(UsageError) as caught:
+            load_terrain("file", path=pack(tmp_path, **{bad: b""}))
+        assert str(caught.value).isprintable()
+
+
+def test_a_name_too_long_for_a_file_system_is_read(tmp_path):
+    path = pack(tmp_path, **{"x" * 400 + ".npy": npy(MAP)})
+    np.testing.assert_array_equal(load_terrain("file", path=path).elevation, MAP)

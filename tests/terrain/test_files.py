@@ -1,8 +1,11 @@
 """Maps in NumPy's files and in texts: what is read, and what is refused in which words."""
 
 import hashlib
+import os
 import struct
+import threading
 import tracemalloc
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -12,8 +15,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from infoplan.config import FileConfig
 from infoplan.errors import UsageError
-from infoplan.terrain import grids, load_terrain, texts
+from infoplan.terrain import TerrainValueWarning, find_helens, grids, load_terrain, texts
 
 MAP = np.arange(12.0).reshape(3, 4)
 
@@ -302,7 +306,7 @@ class TestText:
         terrain = load_terrain("file", path=path)
         np.testing.assert_array_equal(terrain.elevation, [[1, 2], [3, 4]])
 
-    @pytest.mark.filterwarnings("ignore::infoplan.terrain.TerrainValueWarning")
+    @pytest.mark.filterwarnings("ignore:an elevation of")
     @settings(
         max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
     )
@@ -381,3 +385,212 @@ class TestText:
             tracemalloc.stop()
         # A list of the fields would take twenty times the file.
         assert peak < 10 * path.stat().st_size
+
+    @pytest.mark.parametrize(
+        ("text", "place"),
+        [
+            ("1,2\n3,x\n", "line 2, column 3: 'x'"),
+            ("# made by hand\n\n1,2\n\n# more\n3,x\n", "line 6, column 3: 'x'"),
+            ('"1","2"\n"3","x"\n', "line 2, column 5: 'x'"),
+            ("1\t2\n3\t\t4\n", "line 2, column 3: there is no number"),
+            ("1 2\n  3   x\n", "line 2, column 7: 'x'"),
+            ("1;2\r\n3;x\r\n", "line 2, column 3: 'x'"),
+            ("1,2\r3,x\r", "line 2, column 3: 'x'"),
+            ("1,2\n3,1e400\n", "line 2, column 3: 1e400 is too large"),
+            ("1,2\n3,-inf\n", "line 2, column 3: '-inf' is not a number"),
+            ("1,2\n3,1_000\n", "line 2, column 3: '1_000'"),
+            ("1,2\n3,0x10\n", "line 2, column 3: '0x10'"),
+            ("1,2\n3,１\n", "line 2, column 3: '１'"),
+            ("1,2\n3,1e\n", "line 2, column 3: '1e'"),
+            ("1,2\n3,1D5\n", "line 2, column 3: '1D5'"),
+            ("1,2,3\n4,5,#N/A\n", "line 2, column 5: '#N/A'"),
+            ("1 2\n3 4 #N/A\n", "line 2, column 5: '#N/A'"),
+            ("1,2\n3,\x1b[31m\n", r"line 2, column 3: '\\x1b[31m'"),
+            ("1,2\n3," + "x" * 1000, "line 2, column 3: 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'"),
+        ],
+    )
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    def test_a_fault_is_named_by_its_place_in_an_editor(self, text, place, encoding, tmp_path):
+        path = tmp_path / "map.csv"
+        path.write_bytes(text.encode(encoding))
+        message = refusal(path, nodata="fill")
+        assert place in message
+        assert "\x1b" not in message
+
+    @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "latin-1", "utf-8", "utf-8-sig"])
+    def test_encodings(self, encoding, tmp_path):
+        path = tmp_path / "map.csv"
+        path.write_bytes("# Höhe\n1;2\n3;4.5\n".encode(encoding))
+        if encoding == "utf-16-le":
+            assert "is a text in UTF-16 without its mark: save it as UTF-8" in refusal(path)
+            return
+        np.testing.assert_array_equal(load_terrain("file", path=path).elevation, [[1, 2], [3, 4.5]])
+        path.write_bytes("# Höhe\n1;2\n3;4°\n".encode(encoding))
+        assert "line 3, column 3: '4°'" in refusal(path)
+
+    def test_what_numpy_writes_with_a_heading_is_read(self, tmp_path):
+        path = tmp_path / "map.txt"
+        np.savetxt(path, MAP, header="made by\nnumpy")
+        np.testing.assert_array_equal(load_terrain("file", path=path).elevation, MAP)
+
+
+class TestNodata:
+    """A number marks missing elevations and fills them, in every format."""
+
+    BROKEN = np.array([[10.0, 11, 12, 13], [14, -9999, 16, 17], [18, 19, 20, -9999]])
+
+    @pytest.mark.parametrize("name", ["map.npy", "map.npz", "map.csv"])
+    @pytest.mark.parametrize("number", [-9999, -9999.0])
+    def test_marks_and_fills(self, name, number, tmp_path):
+        path = tmp_path / name
+        {"map.npy": np.save, "map.npz": np.savez, "map.csv": np.savetxt}[name](path, self.BROKEN)
+        terrain = load_terrain("file", path=path, nodata=number)
+        kept = self.BROKEN != -9999
+        np.testing.assert_array_equal(terrain.elevation[kept], self.BROKEN[kept])
+        assert terrain.elevation[1, 1] in (11, 14, 16, 19)
+        assert terrain.elevation[2, 3] in (17, 20)
+
+    def test_what_was_missing_besides_is_filled_too(self, tmp_path):
+        broken = self.BROKEN.copy()
+        broken[0, 0] = np.nan
+        path = saved(tmp_path, broken)
+        assert "has 1 nodes" in refusal(path)
+        assert np.isfinite(load_terrain("file", path=path, nodata=-9999).elevation).all()
+
+    def test_single_precision_is_met(self, tmp_path):
+        lowest = float(np.finfo(np.float32).min)
+        path = saved(tmp_path, np.where(self.BROKEN == -9999, lowest, self.BROKEN).astype("f4"))
+        assert load_terrain("file", path=path, nodata=-3.4028235e38).elevation.min() == 10
+        path = saved(tmp_path, np.where(self.BROKEN == -9999, 0.1, self.BROKEN).astype("f4"))
+        assert load_terrain("file", path=path, nodata=0.1).elevation.min() == 10
+
+    def test_maps_differ_by_what_was_marked(self, tmp_path):
+        broken = np.where(self.BROKEN == -9999, np.nan, self.BROKEN)
+        path = saved(tmp_path, broken)
+        with pytest.warns(TerrainValueWarning, match=r"terrain\.nodata=-1 marks no node"):
+            one = load_terrain("file", path=path, nodata=-1)
+        assert one.sha256 != load_terrain("file", path=path, nodata="fill").sha256
+
+    def test_one_spelling_of_a_number(self):
+        assert repr(FileConfig(nodata=-9999)) == repr(FileConfig(nodata=-9999.0))
+
+    @pytest.mark.parametrize("nodata", [True, [1.0], ["fill"], {"a": 1}])
+    def test_something_else(self, nodata, tmp_path):
+        with pytest.raises(UsageError, match=r"terrain\.nodata="):
+            load_terrain("file", path=saved(tmp_path, MAP), nodata=nodata)
+
+    @pytest.mark.parametrize("nodata", ["keep", float("nan"), float("inf")])
+    def test_no_number(self, nodata, tmp_path):
+        with pytest.raises(UsageError, match=r"use refuse or fill or a number|must be finite"):
+            load_terrain("file", path=saved(tmp_path, MAP), nodata=nodata)
+
+    @pytest.mark.parametrize(
+        "mark", [-9999.0, -32768.0, 9999.0, -3.4028234663852886e38, 1e20, -99999, 32767, 50_000]
+    )
+    def test_a_lone_extreme_is_told(self, mark, tmp_path):
+        broken = np.random.default_rng(0).normal(1000, 200, (30, 30))
+        broken[3, 4:6] = mark
+        path = saved(tmp_path, broken)
+        with pytest.warns(TerrainValueWarning, match="is far from all others") as caught:
+            terrain = load_terrain("file", path=path)
+        np.testing.assert_array_equal(terrain.elevation, broken)
+        # What it says to do does it.
+        said = str(caught[0].message)
+        option = said.partition("terrain.nodata=")[2].partition(" ")[0]
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            filled = load_terrain("file", path=path, nodata=float(option))
+        assert np.abs(filled.elevation - 1000).max() < 1000
+
+    @pytest.mark.parametrize("kind", ["helens", "volcano", "jacksboro", "field", "sea"])
+    def test_nothing_is_said_of_a_real_map(self, kind, tmp_path, monkeypatch):
+        if kind == "helens" and not find_helens():
+            pytest.skip("helens is not on this machine")
+        if kind == "field":
+            maps = [load_terrain("random_field", seed=seed).elevation for seed in range(20)]
+        elif kind == "sea":
+            maps = [np.maximum(load_terrain("volcano").elevation - 5000, 0)]
+        else:
+            maps = [load_terrain(kind).elevation]
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for elevation in maps:
+                load_terrain("file", path=saved(tmp_path, elevation))
+
+
+def test_an_elevation_whose_square_is_no_double_is_refused(tmp_path):
+    for extreme in (-1.8e300, 1e101, np.finfo(float).max, -np.finfo(float).max):
+        broken = MAP.copy()
+        broken[0, 0] = extreme
+        assert "beyond 1e+100" in refusal(saved(tmp_path, broken))
+
+
+class TestPlaces:
+    """What stands where a map should."""
+
+    @pytest.mark.parametrize(
+        "name",
+        ["dem (1).npy", "höhe.npy", "山.npy", "o'neill.npy", "a=b.npy", "a,b[1].npy", "$x$ {y}.npy",
+         "~f.npy", "#1.npy", '"q".npy', "a b\tc.npy"],
+    )  # fmt: skip
+    def test_names_are_taken_as_they_are(self, name, tmp_path, monkeypatch):
+        path = saved(tmp_path, MAP).rename(tmp_path / name)
+        np.testing.assert_array_equal(load_terrain("file", path=str(path)).elevation, MAP)
+        monkeypatch.setenv("HOME", str(tmp_path))
+        np.testing.assert_array_equal(load_terrain("file", path=f"~/{name}").elevation, MAP)
+
+    @pytest.mark.parametrize("path", ["~nosuchuser/map.npy", "a\0b.npy", "x" * 5000 + ".npy", ""])
+    def test_no_such_file(self, path):
+        for kind in ("file", "helens"):
+            with pytest.raises(UsageError) as caught:
+                load_terrain(kind, path=path, **({} if kind == "file" else {"on_missing": "error"}))
+            assert "\0" not in str(caught.value)
+
+    @pytest.mark.parametrize("ending", ["npy", "npz", "csv", "tif", "asc", "zip", "dem"])
+    def test_pipes_devices_and_links(self, ending, tmp_path):
+        pipe = tmp_path / f"pipe.{ending}"
+        os.mkfifo(pipe)
+        assert "names a pipe, a socket or a device" in refusal(pipe)
+        for target in ("/dev/zero", "/dev/tty", "/dev/null"):
+            link = tmp_path / f"{target[5:]}.{ending}"
+            link.symlink_to(target)
+            refusal(link)
+        loop = tmp_path / f"loop.{ending}"
+        loop.symlink_to(loop)
+        assert "cannot be read" in refusal(loop)
+        proc = tmp_path / f"proc.{ending}"
+        proc.symlink_to("/proc/self/maps")
+        refusal(proc)
+
+    def test_messages_are_harmless(self, tmp_path):
+        for name in ("a\x1b[31m.npy", "a\x1b[31m.abc", "\u202e.csv"):
+            (tmp_path / name).write_bytes(b"")
+            with pytest.raises(UsageError) as caught:
+                load_terrain("file", path=tmp_path / name)
+            assert str(caught.value).isprintable()
+
+    def test_the_digest_is_that_of_the_bytes_that_were_read(self, tmp_path):
+        """A writer changes the map all the time; no digest goes with another's elevations."""
+        contents = {}
+        for shift in range(4):
+            path = saved(tmp_path, np.pad(MAP, 100) + shift, f"{shift}.npy")
+            contents[hashlib.sha256(path.read_bytes()).hexdigest()] = (shift, path)
+        path, stop = tmp_path / "map.npy", threading.Event()
+        os.link(tmp_path / "0.npy", path)
+
+        def change() -> None:
+            while not stop.is_set():
+                for _, source in contents.values():
+                    spare = tmp_path / "spare"
+                    spare.write_bytes(source.read_bytes())
+                    spare.replace(path)
+
+        writer = threading.Thread(target=change)
+        writer.start()
+        try:
+            for _ in range(100):
+                terrain = load_terrain("file", path=path)
+                assert terrain.elevation[0, 0] == contents[terrain.sha256][0]
+        finally:
+            stop.set()
+            writer.join()

@@ -117,3 +117,50 @@ def test_a_function_that_wants_arguments(folder):
     (folder / "bad_lands.py").write_text("def hill(height):\n    return [[1, 2], [3, height]]\n")
     with pytest.raises(UsageError, match=r"TypeError: .*'height'"):
         load_terrain("own", function="bad_lands.hill")
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("import sys; sys.exit()", "failed, SystemExit"),
+        ("import sys; sys.exit(0)", "failed, SystemExit: 0"),
+        ("raise BaseException('gone')", "failed, BaseException: gone"),
+        ("raise GeneratorExit", "failed, GeneratorExit"),
+        ("raise type('Odd', (BaseException,), {'__str__': lambda self: 1 / 0})", "failed, Odd"),
+        ("raise ValueError('x' * 10**6)", "failed, ValueError: xxx"),
+        ("raise ValueError('\\x1b[31m')", r"failed, ValueError: \x1b[31m"),
+        ("return [[1j, 2], [3, 4]]", "returns elevations of type complex128"),
+        ("return [[1, 'a'], [2, 3]]", "returns elevations of type <U"),
+        ("return [[None, 1], [2, 3]]", "returns elevations of type object"),
+        ("return [[float('inf'), 1], [2, 3]]", "has 1 nodes that are missing"),
+        ("return [[1e300, 1], [2, 3]]", "beyond 1e+100"),
+        ("import numpy as np; return np.array([[1, 2], [3, 4]], dtype='M8[s]')", "datetime64"),
+        ("import numpy as np; return np.ma.masked_equal([[1, 2], [3, -9]], -9)", "has 1 nodes"),
+        ("import numpy as np; return np.ma.masked_equal([[1.5, 2], [3, 2]], 2)", "has 2 nodes"),
+        ("import pandas; return pandas.DataFrame({'a': ['x', 'y'], 'b': [1, 2]})", "type object"),
+        ("return [[1, 2], [3, 4]], b'm'", "returns a bytes as the unit"),
+        ("return (i for i in range(9))", "returns elevations of type object"),
+        ("return {}", "returns elevations of type object"),
+        ("return hill()", "failed, RecursionError"),
+    ],
+)  # fmt: skip
+def test_whatever_a_function_does_is_one_sentence(body, words, folder):
+    (folder / "bad_lands.py").write_text(f"def hill():\n    {body}\n")
+    with pytest.raises(UsageError) as caught:
+        load_terrain("own", function="bad_lands.hill")
+    assert words in str(caught.value)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 600
+
+
+def test_ctrl_c_in_a_function_is_one(folder):
+    (folder / "bad_lands.py").write_text("def hill():\n    raise KeyboardInterrupt\n")
+    with pytest.raises(KeyboardInterrupt):
+        load_terrain("own", function="bad_lands.hill")
+
+
+def test_a_frame_of_numbers_is_a_map(folder):
+    (folder / "flat_lands.py").write_text(
+        "import pandas\ndef hill():\n    return pandas.DataFrame([[1, 2], [3, 5]])\n"
+    )
+    assert load_terrain("own", function="flat_lands.hill").elevation.tolist() == [[1, 2], [3, 5]]

@@ -116,3 +116,15 @@ def test_extent_becomes_a_tuple_of_floats():
 def test_digest_of_a_built_in_surface_is_that_of_its_doubles(volcano):
     content = volcano.elevation.astype("<f8").tobytes(order="C")
     assert volcano.sha256 == hashlib.sha256(content).hexdigest()
+
+
+@pytest.mark.parametrize(
+    "extent",
+    [[0, 1e-9, 0, 1e-9], [0, 1e308, 0, 1e308], [-1e308, 1e308, 0, 1], [1e9, 1e9 + 1e-3, 0, 1],
+     [0, 1e-5, 0, 1e5], [0, 5e-324, 0, 1]],
+)  # fmt: skip
+def test_a_workspace_too_small_large_or_long_for_its_digits_is_refused(extent):
+    with pytest.raises(UsageError, match=r"terrain\.extent=.* is no workspace: "):
+        load_terrain("volcano", extent=extent)
+    assert load_terrain("volcano", extent=[0, 1e-6, -1e-6, 1e-6]).extent[1] == 1e-6
+    assert load_terrain("volcano", extent=[5e5, 6e5, 5.1e6, 5.2e6]).extent[3] == 5.2e6
