@@ -47,3 +47,14 @@ def test_seeds(seeds, expected):
 def test_seeds_that_are_none(seeds):
     with pytest.raises(UsageError, match="seeds="):
         seed_list(seeds)
+
+
+def test_half_a_side_holds_an_action():
+    """From the middle an action of 10 samples of 0.7 stays inside 14 x 14, whatever its heading."""
+    config = Config()
+    config.terrain.extent = [-7.0, 7.0, -7.0, 7.0]
+    validate(config)
+    for extent in ([-6.95, 6.95, -7.0, 7.0], [-7.0, 7.0, -6.95, 6.95]):
+        config.terrain.extent = extent
+        with pytest.raises(UsageError, match=r"too small for the robot.*= 14"):
+            validate(config)

@@ -94,3 +94,26 @@ def test_measurements_without_a_standard_deviation(scale):
     x, y = data()
     with pytest.raises(RunError, match="use another unit"):
         GaussianProcess(x, scale * (y / np.abs(y).max()))
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [
+        (GaussianProcess, {"dtype": "float64"}),
+        (GaussianProcess, {"dtype": "float32"}),
+        (StudentTProcess, {}),
+    ],
+)
+def test_a_variance_below_rounding_is_the_floor_itself(model, options):
+    """At the data of an all but noise-free model the variance is 1e-20: less than rounding."""
+    axis = np.linspace(0.0, 10.0, 6)
+    x = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    y = np.sin(x[:, 0]) + x[:, 1]
+    process = model(
+        x, y, lengthscale=0.3, noise_variance=1e-20, min_noise_variance=0.0, jitter=0.0, **options
+    )
+    _, std = process.predict(x)
+    floor = np.finfo(options.get("dtype", "float64")).eps
+    variance = (std / y.std()) ** 2
+    assert variance.min() == pytest.approx(floor, rel=1e-6)
+    assert np.mean(np.isclose(variance, floor, rtol=1e-6, atol=0.0)) > 0.8
