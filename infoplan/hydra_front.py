@@ -394,7 +394,7 @@ def _readable(
     is_own = option in own.get(group, ()) and value[0] not in ("'", '"')
     if bare not in text_options() and not is_own:
         return f"{name}={value}"
-    if several and re.match(r"\w+\s*\(", value):
+    if several and re.match(r"(choice|range|interval|glob|sort|shuffle|tag)\(", value):
         try:
             parsed = parser.parse_override(f"{name}={value}")
         except HydraException:
