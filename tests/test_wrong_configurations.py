@@ -47,8 +47,8 @@ def test_a_wrong_experiment_is_named(name, tmp_path, capfd, monkeypatch):
 
 def test_ones_own_experiment_is_found(tmp_path, capfd):
     (tmp_path / "experiment").mkdir()
-    own = "# @package _global_\ndefaults:\n  - override /planner: uct\nterrain: {path: '${oc.env:X}'}\n"
-    (tmp_path / "experiment" / "mine.yaml").write_text(own)
+    own = "defaults:\n  - override /planner: uct\nterrain: {path: '${oc.env:X}'}\n"
+    (tmp_path / "experiment" / "mine.yaml").write_text(f"# @package _global_\n{own}")
     assert main(["run", "--config-dir", str(tmp_path), "experiment=mine", "--cfg", "job"]) == 0
     shown = capfd.readouterr().out
     assert "name: uct" in shown
