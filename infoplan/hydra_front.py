@@ -503,7 +503,7 @@ class WatchedLauncher(Launcher):
 class FailedJob(JobReturn):
     """A job without a number: sweepers do not take NaN, but are told that the job has failed."""
 
-    @property
+    @property  # type: ignore[misc]
     def return_value(self) -> Any:
         """Raise."""
         raise RunError("a trial has no RMSE: its missions failed")

@@ -5,7 +5,7 @@ import pytest
 from infoplan.cli import main
 
 EXPERIMENTS = {
-    "bad": ("a: [1\nb: {", "bad.yaml, line 2, column 2 is no YAML"),
+    "bad": ("a: [1\nb: {", "bad.yaml, line 3, column 2 is no YAML"),
     "wrongkey": (
         "rhoo: 0.2",
         "experiment=wrongkey: there is no option 'rhoo' (did you mean 'rho'?",
