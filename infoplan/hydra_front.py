@@ -387,7 +387,7 @@ def _readable(
     is_own = option in own.get(group, ()) and value[0] not in ("'", '"')
     if bare not in text_options() and not is_own:
         return f"{name}={value}"
-    if several and re.match(r"\w+\s*\(", value):
+    if several and re.match(r"(choice|range|interval|glob|sort|shuffle|tag)\(", value):
         try:
             parsed = parser.parse_override(f"{name}={value}")
         except HydraException:
@@ -479,17 +479,27 @@ class WatchedLauncher(Launcher):
             readable([self.given.get(_key(word), word) for word in overrides], several=False)
             for overrides in job_overrides
         ]
-        returned = self.launcher.launch(jobs, initial_job_idx=initial_job_idx)
-        if self.is_search:
-            for job, result in zip(jobs, returned, strict=True):
-                number = result._return_value
-                done = result.status == JobStatus.COMPLETED and not math.isnan(number)
-                _trials.append((job, number if done else math.nan))
-                if not done and result.status == JobStatus.COMPLETED:
-                    # A sweeper that minimises is told that it has failed: none takes a NaN.
-                    result.status = JobStatus.FAILED
-                    result._return_value = RunError("a trial has no RMSE: its missions failed")
+        returned = list(self.launcher.launch(jobs, initial_job_idx=initial_job_idx))
+        if not self.is_search:
+            return returned
+        for i, (job, result) in enumerate(zip(jobs, returned, strict=True)):
+            number = result._return_value
+            done = result.status == JobStatus.COMPLETED and not math.isnan(number)
+            _trials.append((job, number if done else math.nan))
+            if not done:
+                returned[i] = FailedJob(
+                    overrides=result.overrides, cfg=result.cfg, status=JobStatus.FAILED
+                )
         return returned
+
+
+class FailedJob(JobReturn):
+    """A job without a number: sweepers do not take NaN, but are told that the job has failed."""
+
+    @property  # type: ignore[misc]
+    def return_value(self) -> Any:
+        """Raise."""
+        raise RunError("a trial has no RMSE: its missions failed")
 
 
 class Composer:
@@ -965,13 +975,15 @@ def _explained(done: Sequence[int | Exception] = ()) -> Iterator[None]:
     """
     try:
         yield
-    except (UsageError, RunError):
+    except UsageError:
         raise
     except Exception as error:
         if error in done:
             raise
         if failures := [failure for failure in done if isinstance(failure, Exception)]:
             raise failures[0] from error
+        if isinstance(error, RunError):
+            raise
         if done:
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
             raise RunError(f"the sweep ended early, Hydra says {reason}") from error

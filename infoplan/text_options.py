@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, options
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, options, plain_number
 from infoplan.errors import UsageError
 
 _QUOTED = re.compile(r"'((?:[^'\\]|\\.)*)'|\"((?:[^\"\\]|\\.)*)\"", re.DOTALL)
@@ -24,6 +24,8 @@ _PLAIN = re.compile(r"[\w./@%+~-]+(?: +[\w./@%+~-]+)*")
 _WORD = re.compile(r"(?!(?:true|false|null|inf|nan)$)[a-z_][\w-]*", re.IGNORECASE | re.ASCII)
 """Text that Hydra itself reads as text."""
 
+
+FLOATS = {float, list[float], list[list[float]]}
 
 OWN_OPTION = re.compile(r"\w+\.(options|params)(\.|$)")
 """How options of a user's own function, or of one of PyOD's classes, begin."""
@@ -224,6 +226,8 @@ def _written(name: str, value: Any) -> str:
         return "null"
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, float) and _types().get(name, set()) <= FLOATS and name in _types():
+        return plain_number(value)  # 9 will do for 9.0 where nothing else can be meant
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, dict):

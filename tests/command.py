@@ -1,6 +1,8 @@
 """The console command as a user runs it, and a mission of a second."""
 
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -33,3 +35,9 @@ def infoplan(
     if check and done.returncode:
         raise AssertionError(f"status {done.returncode}\n{done.stdout}\n{done.stderr}")
     return done
+
+
+def suggested(output: str) -> list[list[str]]:
+    """Command lines that a message suggests, as the words after ``infoplan``."""
+    word = r"""(?:'[^']*'|"[^"]*"|[^\s;'"])+"""
+    return [shlex.split(found)[1:] for found in re.findall(rf"infoplan run(?: {word})+", output)]

@@ -1,7 +1,13 @@
 """Missions from Python: the same numbers as the command line; ask and tell on unknown terrain."""
 
+import ast
+import inspect
+import os
 import subprocess
 import sys
+import textwrap
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +17,9 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
 import infoplan
+from infoplan import config as config_module
 from infoplan.cli import main
+from infoplan.hydra_front import SCHEMAS
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 SHORT = [option for option in SMALL if not option.startswith(("seeds", "n_jobs"))]
@@ -190,3 +198,118 @@ def test_importing_the_package_loads_next_to_nothing():
     assert all(getattr(infoplan, name) for name in infoplan.__all__)
     with pytest.raises(AttributeError, match="Missoin"):
         _ = infoplan.Missoin
+
+
+OUTER = """
+import threading
+import hydra, infoplan
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+
+def state():
+    return id(GlobalHydra.instance().hydra), HydraConfig.get().job.name, hydra.version.getbase()
+
+@hydra.main(version_base=None, config_path=None)
+def app(config):
+    before, found = state(), []
+    def one(rho):
+        found.append(infoplan.configure("planner=uct", rho=rho).rho)
+    threads = [threading.Thread(target=one, args=(share,)) for share in (0.05, 0.1, 0.2)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    try:
+        infoplan.configure("planner=foo")
+    except infoplan.UsageError:
+        found.append("refused")
+    from infoplan.cli import main
+    assert main(["run", "--cfg", "job", "terrain=volcano"]) == 0
+    assert state() == before, (state(), before)
+    print("found", sorted(map(str, found)))
+
+app()
+"""
+
+
+def test_an_outer_hydra_application_keeps_its_state(tmp_path):
+    (tmp_path / "app.py").write_text(OUTER)
+    done = subprocess.run(
+        [sys.executable, "app.py", "hydra.run.dir=.", "hydra.output_subdir=null"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "found ['0.05', '0.1', '0.2', 'refused']" in done.stdout
+
+
+def test_configuring_inside_of_initialize():
+    from hydra import initialize
+    from hydra.core.config_store import ConfigStore
+    from hydra.core.global_hydra import GlobalHydra
+
+    ConfigStore.instance().store(name="base_config", node={"mine": 1})
+    with initialize(version_base=None, config_path=None):
+        before = GlobalHydra.instance().hydra
+        assert infoplan.configure(rho=0.2).rho == 0.2
+        assert GlobalHydra.instance().hydra is before
+    assert ConfigStore.instance().load("base_config.yaml").node == {"mine": 1}
+
+
+USER = """
+import infoplan
+from infoplan.config import CopodConfig, TreeSearchConfig
+
+
+def iterations(config: infoplan.MissionConfig) -> int:
+    return config.planner.iterations
+
+
+config = infoplan.configure("planner=uct", rho=0.1)
+config.planner.exploration = 0.5
+share: float = config.detector.contamination
+unit: str | None = config.terrain.unit
+dof: float = config.model.dof
+if isinstance(config.planner, TreeSearchConfig):
+    rollouts: int = config.planner.rollouts
+config.detector = CopodConfig(contamination=share / 2)
+curves = infoplan.fly(config, seed=1).curves
+"""
+
+
+@pytest.mark.parametrize("tool", ["mypy", "pyright"])
+def test_a_users_script_is_typed(tool, tmp_path):
+    pytest.importorskip(tool)
+    root = str(Path(infoplan.__file__).parent.parent)
+    command = {
+        "mypy": ["mypy", "--strict", "--follow-imports=silent", f"--cache-dir={tmp_path}"],
+        "pyright": ["pyright", "--pythonpath", sys.executable],
+    }[tool]
+    for line, status in [("", 0), ("config.planner.itterations", 1)]:
+        (tmp_path / "user.py").write_text(USER + line)
+        done = subprocess.run(
+            [sys.executable, "-m", *command, "user.py"],
+            cwd=tmp_path, capture_output=True, text=True, timeout=600,
+            env={**os.environ, "MYPYPATH": root, "PYTHONPATH": root},
+        )  # fmt: skip
+        assert done.returncode == status, done.stdout
+        assert ("itterations" in done.stdout) == bool(status)
+
+
+def test_the_types_of_all_options_are_those_of_the_choices():
+    for group, choices in SCHEMAS.items():
+        told = {
+            name: kind
+            for base in (f"{group.capitalize()}Options", f"{group.capitalize()}Config")
+            for name, kind in _annotations(getattr(config_module, base)).items()
+        }
+        for schema in choices.values():
+            for item in fields(schema):
+                assert item.name in told, f"{group}.{item.name}"
+
+
+def _annotations(one: type) -> dict[str, str]:
+    """Annotations of a class, those for type checkers included."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(one)))
+    return {
+        node.target.id: ast.unparse(node.annotation)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    }

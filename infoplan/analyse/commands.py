@@ -1,13 +1,14 @@
 """Commands that make what is missing from the stored results."""
 
 import re
-import shlex
 from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
 from infoplan.analyse.tables import Selection, changed_options, flatten
 from infoplan.config import TERRAIN_SCHEMAS, TerrainConfig, terrain_kind
+from infoplan.study.store import inspect
+from infoplan.text_options import as_override, typed_text
 
 NOT_OPTIONS = ("terrain.name", "terrain.unit", "terrain.sha256", "numerics_version")
 """Parts of a stored configuration that the command line has no option for, or names otherwise."""
@@ -63,13 +64,13 @@ def _common(selection: Selection, copod: bool) -> dict[str, Any]:
 
 
 def _terrain_options(selection: Selection) -> dict[str, Any]:
-    """Options that make the map of a selection; the name of a file is a guess."""
+    """Options that make the map of a selection; a file's name is a guess where it was not typed."""
     name, unit = selection.terrain, selection.unit
     kind = terrain_kind(name)
     options: dict[str, Any] = {} if kind == "helens" else {"terrain": kind}
     if kind == "file":
         stem = re.sub(r"-turned\d$", "", name.removeprefix("file-")).removesuffix(f"-{unit}")
-        options["terrain.path"] = f"{stem}.npy"
+        options["terrain.path"] = _typed_path(selection) or f"{stem}.npy"
     if f"-{unit}" in name or (kind in ("file", "own", "random_field") and unit != "m"):
         options["terrain.unit"] = unit
     schema = TERRAIN_SCHEMAS.get(kind, TerrainConfig)
@@ -83,15 +84,15 @@ def _terrain_options(selection: Selection) -> dict[str, Any]:
 
 
 def _line(words: list[str], options: dict[str, Any]) -> str:
-    return shlex.join([*words, *(f"{name}={_written(value)}" for name, value in options.items())])
+    return " ".join([*words, *(as_override(name, value) for name, value in options.items())])
 
 
-def _written(value: Any) -> str:
-    """Write a value as Hydra reads it."""
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return f"[{','.join(map(_written, value))}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+def _typed_path(selection: Selection) -> str | None:
+    """Path of the map, as it stands in the command that flew one of the missions."""
+    for run, seed in zip(selection.missions["run"], selection.missions["seed"], strict=True):
+        footer = inspect(selection.results_dir, run, seed).footer
+        for word in footer.get("command") or []:
+            name, _, value = str(word).partition("=")
+            if name == "terrain.path" and value:
+                return typed_text(name, value)
+    return None

@@ -100,7 +100,7 @@ def test_the_terrain_is_that_of_the_others(tmp_path, terrain, expected):
         (
             "own-ridges",
             {"function": "mine.ridges", "options": {"height": 3.0}, "unit": "m"},
-            {"terrain=own", "terrain.function=mine.ridges", "terrain.options.height=3"},
+            {"terrain=own", "terrain.function=mine.ridges", "terrain.options.height=3.0"},
         ),
     ],
 )  # fmt: skip
