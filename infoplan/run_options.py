@@ -160,6 +160,7 @@ def filter_settings(given: Mapping[str, Any]) -> list[Setting]:
         *leaderboard_settings(given),
         Setting("method", _Names(()), "runs of this planner and detector, like PUCT-COPOD"),
         Setting("scope", _Names(("batch", "historical")), "runs whose detector has this scope"),
+        Setting("replay", Free(), "replays of this run; true: of any"),
     ]
 
 
