@@ -1,8 +1,9 @@
 """The console command: call, and say in one sentence what went wrong."""
 
+import errno
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
@@ -73,7 +74,9 @@ class _Output:
     Parameters
     ----------
     stream
-        The stream itself.
+        The stream itself, or a stand-in if it is closed.
+    closed
+        Whether it is.
 
     Attributes
     ----------
@@ -81,21 +84,24 @@ class _Output:
         What the last attempt ended in, if that was an error.
     """
 
-    def __init__(self, stream: TextIO):
-        self.stream = stream
+    def __init__(self, stream: TextIO, closed: bool):
+        self.stream, self.is_closed = stream, closed
         self.failure: OSError | None = None
 
     def write(self, text: str) -> int:
         """Write, and remember what went wrong."""
-        return self._remembered(self.stream.write, text)
+        return int(self._remembered("write", text))
 
     def flush(self) -> None:
         """Flush, and remember what went wrong."""
-        self._remembered(self.stream.flush)
+        if not self.is_closed:
+            self._remembered("flush")
 
-    def _remembered(self, act: Callable[..., Any], *arguments: Any) -> Any:
+    def _remembered(self, act: str, *arguments: Any) -> Any:
         try:
-            return act(*arguments)
+            if self.is_closed:
+                raise OSError(errno.EBADF, "it is closed")
+            return getattr(self.stream, act)(*arguments)
         except OSError as error:
             self.failure = error
             raise
@@ -111,17 +117,14 @@ def _streams() -> Iterator[None]:
     What a stream's encoding has not is written as an escape.
     """
     before = sys.stdout, sys.stderr
-    closed = sys.stdout is None
     handlers = {}
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         for stream in filter(None, before):
             if hasattr(stream, "reconfigure") and stream.errors == "strict":
                 handlers[stream] = stream.errors
                 stream.reconfigure(errors="backslashreplace")
-        sys.stdout = _Output(before[0] or nowhere)
+        sys.stdout = _Output(before[0] or nowhere, closed=before[0] is None)
         sys.stderr = before[1] or nowhere
-        if closed:
-            _say("infoplan: standard output is closed: what it should show is lost")
         try:
             yield
         finally:

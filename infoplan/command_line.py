@@ -684,7 +684,7 @@ def _metavar(option: click.Option) -> str:
         return f" [{'|'.join(option.optional)}]"
     if isinstance(option.type, click.Choice):
         return f" {'|'.join(map(str, option.type.choices))}"
-    return f" {option.metavar or 'TEXT'}"
+    return f" {option.metavar or allowed(option.type).split()[-1].upper()}"
 
 
 def _value_items(

@@ -122,12 +122,12 @@ def completion_flag(hidden: bool = False) -> Any:
 
 def config_flags(function: Any) -> Any:
     """Declare Hydra's flags that say where configurations are found."""
-    for names, doc in (
-        (("-cd", "--config-dir"), "a further folder of configurations"),
-        (("-cn", "--config-name"), "another root configuration"),
-        (("-cp", "--config-path"), "another package of configurations"),
+    for names, doc, kind in (
+        (("-cd", "--config-dir"), "a further folder of configurations", UserPath(folder=True)),
+        (("-cn", "--config-name"), "another root configuration", click.STRING),
+        (("-cp", "--config-path"), "another package of configurations", click.STRING),
     ):
-        function = hydra_flag(*names, help=doc)(function)
+        function = hydra_flag(*names, help=doc, type=kind)(function)
     return function
 
 
@@ -161,7 +161,8 @@ def infoplan() -> None:
 @hydra_flag("-i", "--info", optional=INFO, help="tell about the configuration's sources")
 @hydra_flag("-r", "--run", is_flag=True, help="run one configuration, as without -m")
 @config_flags
-@hydra_flag("--experimental-rerun", help="Hydra's: run what a pickle file holds")
+@hydra_flag("--experimental-rerun", type=UserPath(), help="Hydra's: run what a pickle file holds")
+@hydra_flag("--version", is_flag=True, help="tell Hydra's version")
 @hydra_flag("--hydra-help", is_flag=True, help="tell about Hydra")
 @completion_flag(hidden=True)
 def run(overrides: list[str]) -> int:
@@ -317,7 +318,7 @@ def report(results_dir: Path, run: str | list[str] | None, filters: dict[str, An
     from infoplan.analyse.tables import find_missions
     from infoplan.draw.report import write_report
 
-    missions = find_missions(results_dir, run=run, **_wanted(filters))
+    missions = find_missions(results_dir, run=run, **_wanted(results_dir, filters))
     print(f"reported to {write_report(missions)}")
     return EXIT_OK
 
@@ -530,12 +531,17 @@ def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, An
     """Find the study that options of runs choose."""
     from infoplan.analyse.tables import find_study
 
-    return find_study(results_dir, run=run, **_wanted(filters))
+    return find_study(results_dir, run=run, **_wanted(results_dir, filters))
 
 
-def _wanted(filters: dict[str, Any]) -> dict[str, Any]:
+def _wanted(results_dir: Path, filters: dict[str, Any]) -> dict[str, Any]:
     """Name filters as the tables do."""
-    return {"model.name" if name == "model" else name: value for name, value in filters.items()}
+    from infoplan.study.run_names import find_run
+
+    wanted = {"model.name" if name == "model" else name: value for name, value in filters.items()}
+    if isinstance(wanted.get("replay"), str):
+        wanted["replay"] = find_run(results_dir, wanted["replay"])
+    return wanted
 
 
 def _version(ctx: click.Context, asked: bool) -> None:

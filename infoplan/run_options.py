@@ -160,6 +160,7 @@ def filter_settings(given: Mapping[str, Any]) -> list[Setting]:
         *leaderboard_settings(given),
         Setting("method", _Names(()), "runs of this planner and detector, like PUCT-COPOD"),
         Setting("scope", _Names(("batch", "historical")), "runs whose detector has this scope"),
+        Setting("replay", Free(), "replays of this run; true: of any"),
     ]
 
 
@@ -176,9 +177,6 @@ def leaderboard_settings(given: Mapping[str, Any]) -> list[Setting]:
     for name, value, metadata in options(MissionConfig()):
         if name.partition(".")[0] not in GROUPS:
             settings[name] = _setting(name, value, metadata)
-    settings["replay"] = Setting(
-        "replay", _Names(()), "replays of the run of this name; true: of any"
-    )
     settings["terrain.sha256"] = Setting(
         "terrain.sha256", _Names(()), "runs on the map with this digest"
     )

@@ -256,14 +256,14 @@ def test_output_that_cannot_be_written_is_one_sentence():
         assert "standard output cannot be written (No space left on device)" in done.stderr
 
 
-def test_closed_streams_stop_nothing():
-    for closing, status in ((">&-", 0), (">&- 2>&-", 0), ("2>&-", 0)):
+def test_closed_streams_are_told_of():
+    for closing, status in ((">&-", 1), (">&- 2>&-", 1), ("2>&-", 0)):
         line = f'"{sys.executable}" -m infoplan terrain list {closing}'
         done = subprocess.run(["sh", "-c", line], capture_output=True, text=True)
         assert done.returncode == status, done.stderr
         assert "Traceback" not in done.stderr
         if closing == ">&-":
-            assert "standard output is closed" in done.stderr
+            assert "standard output cannot be written (it is closed)" in done.stderr
             assert len(done.stderr.splitlines()) == 1
 
 

@@ -1,6 +1,7 @@
 """A run is named the same way in every command: by its name, its hash, the beginning of either."""
 
 import json
+import shutil
 
 import pytest
 from flown import short_mission, store
@@ -119,3 +120,16 @@ def test_filters_are_read_as_their_options_are(word, folder, capfd):
     status = main(["claims", word, f"results_dir={folder}", "--json"])
     expected = 2 if word == "terrain.unit=null" else 0
     assert status == expected, capfd.readouterr().err
+
+
+def test_replays_are_chosen_by_any_name_of_the_run_that_was_flown(folder, tmp_path, capfd):
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    assert main(["replay", "uct", "detector=none", f"results_dir={copy}", "n_jobs=1"]) == 0
+    capfd.readouterr()
+    flown = next(run for run in stored_runs(copy) if run.startswith("uct"))
+    for word in ("replay=uct", f"replay={flown}", f"replay={flown[-8:]}", "replay=true"):
+        assert main(["claims", word, "--json", f"results_dir={copy}"]) == 0
+        claims = json.loads(capfd.readouterr().out)["claims"]
+        assert {claim["verdict"] for claim in claims} == {"missing"}
+    assert main(["claims", "replay=nobody", f"results_dir={copy}"]) == 2
+    assert "run=nobody is not stored" in capfd.readouterr().err
