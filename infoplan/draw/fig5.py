@@ -11,7 +11,7 @@ from infoplan.analyse.curves import drawable, on_common_axis
 from infoplan.analyse.statistics import bootstrap_band
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
-from infoplan.method_identity import NEVER_ERRS, Look, looks
+from infoplan.method_identity import NEVER_ERRS, PAPERS, Look, looks
 from infoplan.wording import counted
 
 if TYPE_CHECKING:
@@ -92,8 +92,10 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
         figure.supylabel(f"RMSE ({style.plain(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
         lines = {line.get_gid(): line for axes in grid.flat for line in axes.get_lines()}
         handles = [lines[method] for method in order if method in lines]
-        figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=2.4,
-                      columnspacing=1.2, handletextpad=0.5)  # fmt: skip
+        # The other methods' rows of strokes are longer.
+        length = 2.4 if set(order) <= set(PAPERS) else 5.0
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns,
+                      handlelength=length, columnspacing=1.2, handletextpad=0.5)  # fmt: skip
         return style.save(figure, folder, "fig5", numbers)
 
 
