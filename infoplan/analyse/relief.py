@@ -125,10 +125,16 @@ def by_relief(samples: pd.DataFrame, maps: pd.DataFrame) -> pd.DataFrame:
             {
                 "class": name,
                 "relief": relief[here].mean(),
-                "rmse": np.sqrt(np.mean((mean - truth)[here] ** 2)),
+                "rmse": _rmse((mean - truth)[here]),
                 "clean": clean,
                 "false_alarms": alarms,
                 "false_alarm_rate": alarms / clean if clean else np.nan,
             }
         )
     return pd.DataFrame(rows)
+
+
+def _rmse(errors: Floats) -> float:
+    """Root mean square; infinite where the squares are."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.mean(errors**2)))

@@ -456,7 +456,7 @@ class _Scene:
         xmin, xmax, ymin, ymax = config.terrain.extent
         self.extent = (xmin, xmax, ymin, ymax)
         self.budget, self.truth = config.budget, truth
-        self.unit = style.plain(config.terrain.unit or "")
+        self.unit = style.plain(config.terrain.unit or "", style.LONGEST_UNIT)
         self.figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
         self.canvas = FigureCanvasAgg(self.figure)
         title = (
@@ -478,9 +478,10 @@ class _Scene:
         # It falls by orders of magnitude: steps of the same ratio have the same colours.
         least = max(deviation[0], 1e-3 * deviation[1])
         self.std.set_norm(LogNorm(least, deviation[1]))
-        steps = np.geomspace(least, deviation[1], 5)
-        self.std.colorbar.set_ticks(steps, labels=[figure(step) for step in steps], minor=False)
-        self.std.colorbar.ax.minorticks_off()
+        steps = np.geomspace(least, deviation[1], 5).tolist()
+        bar: Any = self.std.colorbar
+        bar.set_ticks(steps, labels=[figure(step) for step in steps])
+        bar.minorticks_off()
         # With nothing flagged, any scale will do.
         self.density = self._panel(1, 1, "outlier density", style.DENSITY, 0, density or 1.0)
         # A few places hold most flags: the root lets the others be seen.

@@ -37,7 +37,12 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
                 (k / 3 + 0.03, 0.05, 0.295, 0.93), projection="3d", computed_zorder=False
             )
             figure.text(k / 3 + 0.01, 0.93, f"({'bcd'[k]}) {title}", fontsize=7.5)
-            figure.text(k / 3 + 0.02, 0.8, f"elevation ({style.plain(selection.unit)})", fontsize=6)
+            figure.text(
+                k / 3 + 0.02,
+                0.8,
+                f"elevation ({style.plain(selection.unit, style.LONGEST_UNIT)})",
+                fontsize=6,
+            )
             _surface(axes, values, best.extent, like=best.truth)
             _frame(axes, best.extent, limits)
             if k == 0:

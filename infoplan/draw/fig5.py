@@ -11,7 +11,7 @@ from infoplan.analyse.curves import drawable, on_common_axis
 from infoplan.analyse.statistics import bootstrap_band
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
-from infoplan.method_identity import NEVER_ERRS, Look, looks
+from infoplan.method_identity import NEVER_ERRS, PAPERS, Look, looks
 from infoplan.wording import counted
 
 if TYPE_CHECKING:
@@ -38,17 +38,20 @@ SHORT = 12
 
 
 def panels(selection: Selection) -> dict[str, tuple[float, str]]:
-    """Share of outliers and scope of each panel: the paper's four, then what else was flown."""
-    named = dict(PANELS)
+    """Share of outliers and scope of each panel: the paper's four, then what else was flown.
+
+    The paper's are left out if all of them would be empty.
+    """
     missions = selection.missions
+    papers = {rho for rho, _ in PANELS.values()}
+    named = dict(PANELS) if papers & set(missions["rho"]) else {}
     judged = missions[~missions["detector"].isin(NEVER_ERRS)]
     there = set(zip(judged["rho"], judged["scope"], strict=True))
-    known = {*PANELS.values(), *there}
     # NONE and BEST are drawn under both scopes: they need a panel only where there is none.
-    shown = {rho for rho, _ in known}
-    there |= {(rho, "batch") for rho in set(missions["rho"]) if rho not in shown}
-    for number, condition in enumerate(sorted(there - set(PANELS.values()))):
-        named[_letter(len(PANELS) + number)] = condition
+    shown = papers | {rho for rho, _ in there}
+    there |= {(rho, "batch") for rho in set(missions["rho"]) - shown}
+    for condition in sorted(there - set(PANELS.values())):
+        named[_letter(len(named))] = condition
     return named
 
 
@@ -86,11 +89,13 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
         grid[0, 0].set_ylim(bottom=0)
         grid[0, 0].set_xlim(0, selection.budget)
         figure.supxlabel(f"collected samples ({_seeds(numbers)})", fontsize=7)
-        figure.supylabel(f"RMSE ({style.plain(selection.unit)})", fontsize=7)
+        figure.supylabel(f"RMSE ({style.plain(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
         lines = {line.get_gid(): line for axes in grid.flat for line in axes.get_lines()}
         handles = [lines[method] for method in order if method in lines]
-        figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=2.4,
-                      columnspacing=1.2, handletextpad=0.5)  # fmt: skip
+        # The other methods' rows of strokes are longer.
+        length = 2.4 if set(order) <= set(PAPERS) else 5.0
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns,
+                      handlelength=length, columnspacing=1.2, handletextpad=0.5)  # fmt: skip
         return style.save(figure, folder, "fig5", numbers)
 
 

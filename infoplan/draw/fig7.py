@@ -40,7 +40,10 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
             ]
         row[1].set_ylabel("")
         style.colour_bar(
-            image, row[-1], f"absolute error ({style.plain(selection.unit)})", extend="max"
+            image,
+            row[-1],
+            f"absolute error ({style.plain(selection.unit, style.LONGEST_UNIT)})",
+            extend="max",
         )
         numbers = pd.concat(frames)[["method", "kind", "x1", "x2", "abs_error"]]
         return style.save(figure, folder, "fig7", numbers)

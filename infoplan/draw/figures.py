@@ -59,7 +59,7 @@ def draw_figures(
     Returns
     -------
     list of Drawn
-        One a figure. Fig. 5 is drawn from what is there; the others need all their runs.
+        One a figure. Fig. 5 is drawn from whatever is there; the others need all their runs.
 
     Raises
     ------
@@ -71,10 +71,12 @@ def draw_figures(
         module = import_module(f"infoplan.draw.{name}")
         lacking = [need for need in module.NEEDS if selection.run(*need) is None]
         files: list[Path] = []
+        problem = ""
         if name == "fig5":
-            problem = _missing(name, lacking, selection)
+            # A study of other methods does not lack the paper's.
             if len(lacking) < len(module.NEEDS):
-                files = module.draw(selection, folder, single_seeds=single_seeds)
+                problem = _missing(name, lacking, selection)
+            files = module.draw(selection, folder, single_seeds=single_seeds)
         else:
             problem = _missing(name, lacking, selection) or _seedless(
                 name, module.NEEDS, selection, seed

@@ -9,6 +9,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+
 from infoplan import __version__
 from infoplan.analyse.claims import METHODS, WORDS, judge_claims
 from infoplan.analyse.curves import ratios
@@ -99,6 +101,11 @@ def write_report(selection: Selection) -> Path:
 
 def render(selection: Selection) -> str:
     """Build the page of a selection of missions."""
+    with np.errstate(over="ignore", invalid="ignore"):  # old tables may hold infinite errors
+        return _rendered(selection)
+
+
+def _rendered(selection: Selection) -> str:
     claims, reason = _judged(selection)
     selection = told_apart(selection)
     selection = replace(

@@ -28,7 +28,7 @@ COLUMN = 3.5
 PAGE = 7.16
 """Width of two columns, inches."""
 
-LONGEST = 60
+LONGEST, LONGEST_UNIT = 60, 20
 """So many characters of a user's text does a picture show; more would push the axes aside."""
 
 ELEVATION, DEVIATION, ERROR, DENSITY = "viridis", "cividis", "magma_r", "YlOrBr"
@@ -82,10 +82,10 @@ def line(look: Look) -> dict[str, Any]:
     return {"color": look.colour, "linestyle": (0, look.dashes) if look.dashes else "solid"}
 
 
-def plain(text: object) -> str:
+def plain(text: object, longest: int = LONGEST) -> str:
     """Write text of unknown origin for a picture, which shows it as it is: no formulas."""
     shown = harmless(text)
-    shown = shown if len(shown) <= LONGEST else f"{shown[: LONGEST - 1]}…"
+    shown = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
     return shown.replace("$", r"\$")
 
 

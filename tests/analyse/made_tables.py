@@ -102,6 +102,9 @@ def store(
         "seed": seed,
         "terrain": {"name": terrain, "sha256": "0" * 64},
         "configuration": configuration,
+        "started": "2030-01-02T03:04:05.000+00:00",
+        "ended": "2030-01-02T03:04:06.000+00:00",
+        "seconds": 1.0,
     }
     for name, columns in tables.items():
         rest = {key: [0.0] * len(columns["seed"]) for key in COLUMNS[name] if key not in columns}
@@ -122,7 +125,7 @@ def configured(
     config.detector = CopodConfig() if detector == "copod" else DetectorConfig(name=detector)
     configuration = asdict(config)
     configuration["planner"]["name"] = planner
-    configuration["detector"]["scope"] = scope if detector == "copod" else "batch"
+    configuration["detector"]["scope"] = "batch" if detector in ("none", "best") else scope
     configuration["terrain"] = {
         "name": terrain,
         "extent": [0.0, 50.0, 0.0, 50.0],

@@ -1,11 +1,15 @@
 """Debian's Chromium, driven by Selenium."""
 
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+for folder in ("analyse", "draw"):
+    sys.path.append(str(Path(__file__).parents[1] / folder))
 
 FLAGS = (
     "--headless",

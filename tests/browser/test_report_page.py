@@ -5,12 +5,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import made_methods
 import pytest
 from flown import short_mission, store
 
-from infoplan.analyse.tables import find_study
+from infoplan.analyse.tables import find_missions, find_study
 from infoplan.draw.report import write_report
 from infoplan.terrain import Terrain
+from infoplan.wording import harmless
 
 pytestmark = pytest.mark.browser
 
@@ -102,6 +104,44 @@ def test_what_looks_like_markup_stays_text(browser, volcano, tmp_path):
     assert browser.one("h1").text.startswith("file-<b>, budget 200")
     assert NASTY in browser.one("#curve-panels svg").text
     assert browser.all("img, b") == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "</script><script>document.title='executed'</script>",
+        "<script>document.title='executed'</script>",
+        "</style><img src=x onerror=\"document.title='executed'\">$x$",
+        "\x00\x1b[31m\u202e\ud800&lt;b&gt;",
+    ],
+)
+def test_nothing_of_a_users_text_is_executed(browser, volcano, tmp_path, text):
+    terrain = Terrain("file-hills", volcano.elevation, volcano.extent, text, volcano.sha256)
+    config = short_mission("uct", "copod")
+    config.terrain = replace(config.terrain, name="file", path="hills.npy")
+    store(tmp_path, config, terrain)
+    browser.page = write_report(find_missions(tmp_path))
+    browser.open()
+    assert browser.driver.title.startswith("infoplan: file-hills, budget 200, 1 seed")
+    assert len(browser.all("script")) == 2
+    assert len(browser.all("style")) == 1
+    assert browser.all("img") == []
+    assert harmless(text) in browser.one("#curve-panels svg").text
+
+
+def test_every_method_has_its_line_and_its_button(browser, tmp_path):
+    pairs = [("lawnmower", "local"), ("own.leftmost", "pyod_knn"), ("greedy", "gp_residual")]
+    for planner, detector in pairs:
+        made_methods.store(tmp_path, planner, detector)
+    made_methods.store(tmp_path, "greedy", "local", rmse=[500.0, float("inf"), 1e200, 400.0])
+    browser.page = write_report(find_missions(tmp_path))
+    browser.open()
+    for method in ("LAWNMOWER-LOCAL", "LEFTMOST-PYOD_KNN", "GREEDY-GP_RESIDUAL", "GREEDY-LOCAL"):
+        assert browser.lines(method) == 1
+        button = browser.one(f"[data-legend=curves] [data-method={method}]")
+        button.click()
+        assert browser.lines(method) == 0
+    assert "gaps" in browser.one("#summary .note").text
 
 
 def test_the_legend_hides_and_shows_a_method_everywhere(browser):

@@ -14,7 +14,7 @@ from flown import short_mission, store
 from scipy import stats
 
 from infoplan.analyse.statistics import Interval
-from infoplan.analyse.tables import Selection, find_study
+from infoplan.analyse.tables import Selection, find_missions, find_study
 from infoplan.cli import main
 from infoplan.draw.report import interval_text, period_text, render, seeds_text, write_report
 from infoplan.draw.report_data import MAP_POINTS, packed, panels_of, pooled_ratio
@@ -41,8 +41,8 @@ def study(results) -> Selection:
 
 
 @pytest.fixture(scope="module")
-def page(study) -> str:
-    return render(study)
+def page(results) -> str:
+    return render(find_missions(results))
 
 
 @pytest.fixture(scope="module")
@@ -247,8 +247,8 @@ def test_claims_that_lack_runs_name_the_command(page):
     assert re.match(r"Runs are lacking for C1, C6; make them with <code>infoplan run -m", note)
 
 
-def test_the_same_tables_give_the_same_page(page, study):
-    assert render(study) == page
+def test_the_same_tables_give_the_same_page(page, results):
+    assert render(find_missions(results)) == page
 
 
 def test_nothing_from_the_tables_becomes_markup(volcano, tmp_path):

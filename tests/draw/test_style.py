@@ -8,6 +8,7 @@ from matplotlib.colors import to_rgb
 
 from infoplan.analyse import METHODS
 from infoplan.draw import style
+from infoplan.method_identity import PAPERS
 
 EXTENT = (0.0, 40.0, 0.0, 30.0)
 
@@ -46,9 +47,9 @@ def test_nodes_of_a_map_lie_on_the_borders():
 
 def test_the_paper_methods_differ_in_colour_and_in_dashes():
     for a, b in combinations(METHODS, 2):
-        distance = np.abs(np.subtract(to_rgb(style.COLOURS[a]), to_rgb(style.COLOURS[b]))).sum()
+        distance = np.abs(np.subtract(to_rgb(PAPERS[a].colour), to_rgb(PAPERS[b].colour))).sum()
         assert distance > 0.4
-        assert style.DASHES[a] != style.DASHES[b]
+        assert PAPERS[a].dashes != PAPERS[b].dashes
 
 
 def test_text_is_readable_at_column_width():
