@@ -8,8 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from infoplan.config import MissionConfig
+from infoplan.config import METHODS, MissionConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.methods import OF_THE_MISSION
 from infoplan.wording import counted, harmless, suggest
 
 DEFAULT_TERRAIN = "helens"
@@ -22,6 +23,10 @@ SWEPT = ("planner.name", "detector.name", "detector.scope", "rho")
 
 REPLAY = "replay"
 """The key that the configuration of a replay has: the name of the run that was flown."""
+
+LABELLED = (*SWEPT, "model.name", "terrain.name", REPLAY,
+            *(f"{group}.function" for group in METHODS))  # fmt: skip
+"""Parts of a configuration that a run's labels tell."""
 
 Options = dict[str, Any]
 """A configuration with dotted names."""
@@ -259,8 +264,8 @@ def load_maps(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
     return _load(source, "maps", filters)
 
 
-def differing(options: dict[str, Options]) -> list[str]:
-    """Name the options in which runs differ, the labels of a run left out.
+def differing(options: Mapping[str, Options]) -> list[str]:
+    """Name the options in which runs differ, those that their labels tell left out.
 
     Parameters
     ----------
@@ -270,21 +275,34 @@ def differing(options: dict[str, Options]) -> list[str]:
     Returns
     -------
     list of str
-        In the order of the configurations. An option counts if the runs that have it do not agree;
-        ``terrain.sha256`` only if maps of one name do not.
+        In the order of the configurations. An option that only one planner, detector, model or
+        terrain has is compared among its own runs alone.
     """
-    names = dict.fromkeys(name for flat in options.values() for name in flat)
-    found = []
-    for name in names:
-        having = [flat for flat in options.values() if name in flat]
-        if name == "terrain.sha256":
-            maps = {(flat.get("terrain.name"), repr(flat[name])) for flat in having}
-            several = len(maps) > len({label for label, _ in maps})
-        else:
-            several = len({repr(flat[name]) for flat in having}) > 1
-        if several and name not in (*SWEPT, "terrain.name"):
-            found.append(name)
-    return found
+    values: dict[tuple[str, str], set[str]] = {}
+    owners: dict[str, list[Options]] = {}
+    for flat in options.values():
+        for owner in {_owner(flat, name) for name in flat}:
+            owners.setdefault(owner, []).append(flat)
+    for flat in options.values():
+        for name in flat:
+            owner = _owner(flat, name)
+            if name not in LABELLED and (name, owner) not in values:
+                values[name, owner] = {repr(other.get(name)) for other in owners[owner]}
+    return list(dict.fromkeys(name for (name, _), found in values.items() if len(found) > 1))
+
+
+def _owner(flat: Options, name: str) -> str:
+    """Say which planner, detector, model or terrain an option belongs to; empty: to all runs."""
+    group, _, option = name.partition(".")
+    if group == "terrain":
+        return f"terrain {flat.get('terrain.name')}"
+    if group not in METHODS or option in OF_THE_MISSION[group]:
+        return ""
+    choice = str(flat.get(f"{group}.name"))
+    schema = METHODS[group].get(choice)
+    # Tree searches share their options.
+    kind = type(schema).__name__ if schema else flat.get(f"{group}.function") or choice
+    return f"{group} {kind}"
 
 
 def option_text(value: Any) -> str:

@@ -203,7 +203,7 @@ def _print_table(found: Status, console: Console) -> None:
     rare = [name for name in ("failed", "running", "broken")
             if any(getattr(run, name) for run in found.runs)]  # fmt: skip
     kept = ["done", *rare, "missing"]
-    apart = differing({run.run: run.options for run in found.runs})
+    apart = list(dict.fromkeys(name for run in found.runs for name in run.options))
     columns = [
         Column("run", least=WHOLE),
         *(Column(name, right=True) for name in apart),

@@ -236,16 +236,16 @@ def test_options_in_which_runs_differ_are_columns(tmp_path):
     assert list(alone.columns) == [name for name in load_curves(study) if name not in named]
 
 
-def test_labels_and_what_only_some_runs_have_do_not_differ():
-    flat = {
-        "a": {"planner.name": "uct", "rho": 0.1, "terrain.name": "x", "terrain.sha256": "1"},
-        "b": {"planner.name": "puct", "rho": 0.2, "terrain.name": "y", "terrain.sha256": "2",
-              "detector.contamination": 0.1},
-    }  # fmt: skip
-    assert differing(flat) == []
-    flat["c"] = flat["b"] | {"terrain.sha256": "3", "budget": 5}
-    flat["a"]["budget"] = 6
-    assert differing(flat) == ["terrain.sha256", "budget"]
+def test_labels_and_what_belongs_to_another_choice_do_not_differ():
+    first = {"planner.name": "uct", "rho": 0.1, "terrain.name": "x", "terrain.sha256": "1",
+             "detector.name": "none", "budget": 5}  # fmt: skip
+    copod = first | {"rho": 0.2, "terrain.name": "y", "terrain.sha256": "2",
+                     "detector.name": "copod", "detector.contamination": 0.1}  # fmt: skip
+    pyod = copod | {"detector.name": "pyod_knn", "detector.contamination": 0.3}
+    assert differing({"a": first, "b": copod, "c": pyod}) == []
+    other = copod | {"terrain.sha256": "3", "budget": 6, "detector.contamination": 0.2}
+    found = differing({"a": first, "b": copod, "c": pyod, "d": other})
+    assert set(found) == {"terrain.sha256", "budget", "detector.contamination"}
 
 
 def test_a_filter_is_told_to_the_last_digit(tmp_path):
