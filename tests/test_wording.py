@@ -9,7 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from infoplan.wording import UNSEEN, counted, csv_cell, figure, harmless, markdown_cell, suggest
+from infoplan.wording import (
+    UNSEEN,
+    counted,
+    csv_cell,
+    encodable,
+    figure,
+    harmless,
+    interval,
+    markdown_cell,
+    suggest,
+)
 
 
 @pytest.mark.parametrize(
@@ -63,3 +73,28 @@ def test_suggestions():
     assert suggest("pla", ["puct", "plan"]) == " (did you mean 'plan'?)"
     assert suggest("xyz", ["puct"]) == ""
     assert suggest("rh", ["rho", "rhe"], n=2).count("rh") == 2
+
+
+@pytest.mark.parametrize(
+    ("numbers", "text"),
+    [
+        ((1125.4, 1001, 1250), "1125 [1001, 1250]"),
+        ((0.0123, 0.009, 0.015), "0.0123 [0.0090, 0.0150]"),
+        ((9.5, 8.7, 10.25), "9.50 [8.70, 10.25]"),
+        ((0.7, -21, 26), "0.7 [-21.0, 26.0]"),
+        ((-0.0001, -0.3, 0.3), "0.000 [-0.300, 0.300]"),
+        ((1e-5, 1e-6, 2e-5), "1.00e-05 [1.00e-06, 2.00e-05]"),
+        ((0, 0, 0), "0 [0, 0]"),
+        ((5, math.nan, math.nan), "5.00"),
+        ((math.nan, math.nan, math.nan), ""),
+    ],
+)
+def test_an_interval_has_the_decimals_of_its_mean(numbers, text):
+    assert interval(*numbers) == text
+
+
+def test_what_an_encoding_lacks_is_written_otherwise():
+    assert encodable("within ±3 µm", "utf-8") == "within ±3 µm"
+    assert encodable("within ±3 µm", "latin-1") == "within ±3 µm"
+    assert encodable("within ±3 µm 漢", "ascii") == "within +-3 \\xb5m \\u6f22"
+    assert encodable("±", "no-such-encoding") == "+-"

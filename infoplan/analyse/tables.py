@@ -23,7 +23,7 @@ LABELS = ("run", "seed", "method", "planner", "detector", "scope", "rho", "terra
 SWEPT = ("planner.name", "detector.name", "detector.scope", "model.name", "rho")
 """The options that tell a study's runs apart."""
 
-SHOWN = (*SWEPT, "budget", "terrain.name", REPLAY, *(f"{group}.function" for group in METHODS))
+SHOWN = (*SWEPT, "terrain.name", REPLAY, *(f"{group}.function" for group in METHODS))
 """Parts of a configuration that a run's labels tell."""
 
 Options = dict[str, Any]
@@ -442,10 +442,10 @@ def _owner(flat: Options, name: str) -> str:
     """Say which planner, detector, model or terrain an option belongs to; empty: to all runs."""
     group, _, option = name.partition(".")
     if group == "terrain":
-        return f"terrain {flat['terrain.name']}"
+        return f"terrain {flat.get('terrain.name')}"
     if group not in METHODS or option in OF_THE_MISSION[group]:
         return ""
-    choice = str(flat[f"{group}.name"])
+    choice = str(flat.get(f"{group}.name"))
     schema = METHODS[group].get(choice)
     # Tree searches share their options.
     kind = type(schema).__name__ if schema else flat.get(f"{group}.function") or choice

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import correlate1d, gaussian_filter1d
 
+from infoplan.compiled import kernel
+
 LONG = 1_000_000
 """Radius, in nodes, from which the sum of a Gaussian kernel is its integral."""
-
-from infoplan.compiled import kernel
 
 
 @kernel()

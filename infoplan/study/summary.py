@@ -1,9 +1,7 @@
 """The tables around a study: what would run, and what came out."""
 
-import io
 import os
 import shutil
-import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,11 +42,8 @@ def wide_console() -> Console:
     """Return the console of a command, which prints text as it is.
 
     Its width is the terminal's, or what the environment variable COLUMNS says; in a pipe it is
-    unlimited. What the encoding of the output lacks becomes escapes.
+    unlimited.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
     terminal = Console().is_terminal
     width = shutil.get_terminal_size((80 if terminal else UNLIMITED, 24)).columns
     # A width of its own keeps a display from following the terminal's.

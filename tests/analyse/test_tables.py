@@ -8,7 +8,16 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from infoplan.analyse import find_missions, find_study, load_curves, load_maps, load_samples
+from infoplan.analyse import (
+    find_missions,
+    find_study,
+    judge_claims,
+    load_curves,
+    load_maps,
+    load_samples,
+    summarise,
+)
+from infoplan.analyse.tables import differing
 from infoplan.errors import RunError, UsageError
 
 
@@ -87,7 +96,7 @@ def test_a_study_takes_the_default_options_and_says_so(tmp_path):
     other = made_tables.store(tmp_path, "puct-copod", planner__exploration=0.5)
     study = find_study(tmp_path)
     assert list(study.options) == [usual]
-    assert study.notes[0].startswith("1 run with other than the default planner.exploration left")
+    assert "1 run with other than the default planner.exploration is left out" in study.notes[0]
     chosen = find_study(tmp_path, **{"planner.exploration": 0.5})
     assert list(chosen.options) == [other]
     assert not chosen.notes
@@ -196,3 +205,64 @@ def test_changed_values_are_refused(tmp_path, table):
     pq.write_table(changed, path)
     with pytest.raises(RunError, match="does not hold the values that were written"):
         find_missions(tmp_path)
+
+
+def test_options_in_which_runs_differ_are_columns(tmp_path):
+    none = made_tables.store(tmp_path, "uct-none", planner__exploration=0.25)
+    half = made_tables.store(tmp_path, "uct-copod", planner__exploration=0.5)
+    own = made_tables.store(
+        tmp_path, "uct-copod", detector__contamination=0.2, model__iterations="per_sample"
+    )
+    wide = made_tables.store(tmp_path, "uct-best", grid=[20, 30])
+    study = find_missions(tmp_path)
+    named = ["grid", "planner.exploration", "detector.contamination", "model.iterations"]
+    assert sorted(differing(study.options)) == sorted(named)
+    for load in (load_curves, load_samples, load_maps):
+        table = load(study)
+        assert sorted(table.columns[-4:]) == sorted(named)
+        first = table.groupby("run").first()
+        assert first.loc[half, "planner.exploration"] == 0.5
+        assert first.loc[none, "planner.exploration"] == 0.25
+        assert first.loc[own, "detector.contamination"] == 0.2
+        assert np.isnan(first.loc[none, "detector.contamination"])
+        assert first.loc[own, "model.iterations"] == "per_sample"
+        assert first.loc[none, "model.iterations"] == 5
+        assert first.loc[wide, "grid"] == "[20,30]"
+    summary = summarise(load_curves(study)).droplevel("seed")
+    assert summary.loc[half, "planner.exploration"] == 0.5
+    assert summary.loc[wide, "grid"] == "[20,30]"
+    assert set(summary.columns) >= set(named)
+    alone = load_curves(tmp_path, run=half)
+    assert list(alone.columns) == [name for name in load_curves(study) if name not in named]
+
+
+def test_labels_and_what_belongs_to_another_choice_do_not_differ():
+    first = {"planner.name": "uct", "rho": 0.1, "terrain.name": "x", "terrain.sha256": "1",
+             "detector.name": "none", "budget": 5}  # fmt: skip
+    copod = first | {"rho": 0.2, "terrain.name": "y", "terrain.sha256": "2",
+                     "detector.name": "copod", "detector.contamination": 0.1}  # fmt: skip
+    pyod = copod | {"detector.name": "pyod_knn", "detector.contamination": 0.3}
+    assert differing({"a": first, "b": copod, "c": pyod}) == []
+    other = copod | {"terrain.sha256": "3", "budget": 6, "detector.contamination": 0.2}
+    found = differing({"a": first, "b": copod, "c": pyod, "d": other})
+    assert set(found) == {"terrain.sha256", "budget", "detector.contamination"}
+
+
+def test_a_filter_is_told_to_the_last_digit(tmp_path):
+    made_tables.store(tmp_path, "puct-copod", robot__max_steering=0.26179939)
+    made_tables.store(tmp_path, "uct-copod", robot__max_steering=0.3)
+    with pytest.raises(UsageError, match=r"choose with robot.max_steering=0.26179939 or"):
+        find_study(tmp_path)
+
+
+def test_a_selection_is_short_in_a_notebook(tmp_path):
+    folder = tmp_path / "<b>"
+    made_tables.store(folder, "uct-none", planner__exploration=0.25)
+    run = made_tables.store(folder, "uct-none", planner__exploration=0.5)
+    study = find_missions(folder)
+    assert repr(study) == f"Selection(2 runs, 2 missions: helens, budget 2000, in {folder})"
+    page = study._repr_html_()
+    assert f"<td>{run}</td><td>0</td><td>0.5</td>" in page
+    assert "<b>" not in page
+    (claim,) = judge_claims(study.only([run]), ["C3"])
+    assert repr(claim).startswith("Claim(C3 missing: rho 0.10: UCT-NONE falls")
