@@ -120,15 +120,16 @@ def _audit(arguments: list[str]) -> int:
     from infoplan.overrides import parse
     from infoplan.study.identity import stored_terrains
 
-    defaults: dict[str, Any] = dict.fromkeys(["run", "seeds", "terrain.path", "terrain.member"])
+    names = ["run", "seeds", "epochs", "terrain.path", "terrain.member"]
+    defaults: dict[str, Any] = dict.fromkeys(names)
     chosen = parse("audit", arguments, {"results_dir": "results"} | defaults)
     seeds = None if chosen["seeds"] is None else seed_list(chosen["seeds"])
     results_dir = Path(chosen["results_dir"]).expanduser()
     maps = stored_terrains(results_dir, chosen["terrain.path"], chosen["terrain.member"])
     known = {terrain.sha256: terrain.elevation for terrain in maps}
-    findings = list(audit(results_dir, chosen["run"], seeds, known))
+    findings = list(audit(results_dir, chosen["run"], seeds, known, chosen["epochs"]))
     print(render(findings))
-    return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
+    return EXIT_OK if all(finding.holds is not False for finding in findings) else EXIT_FAILED
 
 
 def _terrain(arguments: list[str]) -> int:
@@ -180,10 +181,12 @@ def _animate(arguments: list[str]) -> int:
     from infoplan.overrides import parse
     from infoplan.study.summary import wide_console
 
+    functions: dict[str, Any] = {"detector.function": None, "model.function": None}
     chosen = parse(
         "animate",
         arguments,
-        {"results_dir": "results", "run": "", "seed": 0, "format": "gif", "fps": 4},
+        {"results_dir": "results", "run": "", "seed": 0, "format": "gif", "fps": 4, "trust": False}
+        | functions,
     )
     path = animate(
         Path(chosen["results_dir"]).expanduser(),
@@ -192,6 +195,8 @@ def _animate(arguments: list[str]) -> int:
         seed=chosen["seed"],
         file_format=chosen["format"],
         fps=chosen["fps"],
+        trust=chosen["trust"],
+        named={name.partition(".")[0]: chosen[name] for name in functions},
     )
     print(f"animated to {path}")
     return EXIT_OK
@@ -259,6 +264,7 @@ def _replay(arguments: list[str]) -> int:
             "detector=best, where <run> is its name or hash (infoplan status lists them)"
         )
     defaults = {"results_dir": "results", "seeds": None, "n_jobs": -1, "resume": True}
+    defaults["trust"] = False
     own = [a for a in rest if a.startswith("-") or a.partition("=")[0] in defaults]
     chosen = parse("replay", own, defaults)
     console = wide_console()

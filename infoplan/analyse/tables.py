@@ -3,13 +3,16 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from infoplan.config import MissionConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.wording import suggest
+
+if TYPE_CHECKING:
+    from infoplan.study.records import Footer
 
 DEFAULT_TERRAIN = "helens"
 
@@ -122,8 +125,8 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     Raises
     ------
     UsageError
-        If nothing answers, a filter is unknown, or what answers mixes terrains, budgets or schema
-        versions; the sentence says what was found.
+        If nothing answers, a filter is unknown, or what answers mixes terrains or budgets; the
+        sentence says what was found.
     RunError
         If a table cannot be read.
     """
@@ -261,38 +264,33 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
     """List all finished missions, and the configuration of each run, from the curves' footers."""
     rows, options = [], {}
     for run, seed, footer in stored_footers(folder):
-        try:
-            flat = flatten(footer["configuration"])
-            options[run] = flat
-            rows.append(
-                {
-                    "run": run,
-                    "seed": seed,
-                    "method": _method(flat),
-                    "planner": flat["planner.name"],
-                    "detector": flat["detector.name"],
-                    "scope": flat["detector.scope"],
-                    "rho": float(flat["rho"]),
-                    "terrain": flat["terrain.name"],
-                    "budget": int(flat["budget"]),
-                    "schema": footer["schema_version"],
-                }
-            )
-        except KeyError as error:
-            raise RunError(
-                f"the footer of {run} seed {seed} lacks {error}: run its configuration again"
-            ) from error
+        if run not in options:
+            options[run] = flatten(footer.configuration)
+        flat = options[run]
+        rows.append(
+            {
+                "run": run,
+                "seed": seed,
+                "method": _method(flat),
+                "planner": flat["planner.name"],
+                "detector": flat["detector.name"],
+                "scope": flat["detector.scope"],
+                "rho": float(flat["rho"]),
+                "terrain": flat["terrain.name"],
+                "budget": int(flat["budget"]),
+            }
+        )
     return pd.DataFrame(rows), options
 
 
-def stored_footers(folder: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
+def stored_footers(folder: Path) -> Iterator[tuple[str, int, "Footer"]]:
     """Read the footers of all curves.
 
     Yields
     ------
     run : str
     seed : int
-    footer : dict
+    footer : Footer
 
     Raises
     ------
@@ -303,14 +301,7 @@ def stored_footers(folder: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
 
     for run, seeds in list_missions(folder).items():
         for seed in seeds:
-            path = table_path(folder, "curves", run, seed)
-            footer = read_footer(path)
-            if (footer.get("run"), footer.get("seed")) != (run, seed):
-                raise RunError(
-                    f"{path} belongs to {footer.get('run')} seed {footer.get('seed')}: delete it "
-                    "and run its configuration again"
-                )
-            yield run, seed, footer
+            yield run, seed, read_footer(table_path(folder, "curves", run, seed))
 
 
 def demand_whole(folder: Path, missions: Iterable[tuple[str, int]]) -> None:
@@ -402,28 +393,13 @@ def _text(value: Any) -> str:
 
 
 def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None:
-    """Refuse to mix terrains, budgets, schema versions, or maps of one name."""
-    from infoplan.study.identity import SCHEMA_VERSION
-
+    """Refuse to mix terrains, budgets, or maps of one name."""
     for name in ("terrain", "budget"):
         if missions[name].nunique() > 1:
             raise UsageError(
                 f"the missions have different {name}s, {_found(missions, options, name)}: "
                 f"choose one with {name}="
             )
-    versions = sorted(set(missions["schema"]))
-    if len(versions) > 1:
-        raise UsageError(
-            f"the missions have tables of different schema versions, "
-            f"{' and '.join(map(str, versions))}: run those of version {versions[0]} again, or "
-            "choose with run="
-        )
-    if versions[0] != SCHEMA_VERSION:
-        raise UsageError(
-            f"the tables have schema version {versions[0]}, but this infoplan reads version "
-            f"{SCHEMA_VERSION}: run the configurations again, or read them with the infoplan that "
-            "wrote them (its version is in the tables' footers)"
-        )
     for name in ("terrain.sha256", "terrain.extent", "terrain.unit"):
         if len({repr(flat.get(name)) for flat in options.values()}) > 1:
             raise UsageError(

@@ -3,9 +3,11 @@
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from dataclasses import replace as changed
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -20,9 +22,10 @@ from infoplan.analyse.tables import find_missions
 from infoplan.config import MissionConfig
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
+from infoplan.methods import admit
 from infoplan.mission import CurveRow, Mission, Samples
-from infoplan.study.identity import config_from_science
-from infoplan.study.store import read_footer, read_table, table_path
+from infoplan.study.replay import stand_in
+from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
 
@@ -63,6 +66,8 @@ class Recording:
         Which.
     config
         Its configuration.
+    science
+        The same as it is stored.
     samples, curve
         Its tables, one row a sample and one an epoch.
     truth
@@ -72,6 +77,7 @@ class Recording:
     run: str
     seed: int
     config: MissionConfig
+    science: dict[str, Any]
     samples: pd.DataFrame
     curve: pd.DataFrame
     truth: Floats
@@ -108,6 +114,8 @@ def animate(
     seed: int = 0,
     file_format: str = "gif",
     fps: float = 4,
+    trust: bool = False,
+    named: Mapping[str, str | None] | None = None,
 ) -> Path:
     """Draw a stored mission as an animation, a picture an epoch.
 
@@ -125,6 +133,11 @@ def animate(
         ``gif`` or ``mp4``.
     fps
         Pictures a second, above 0 and at most 50.
+    trust
+        Whether a detector's or model's function that the stored run names may be imported.
+    named
+        Functions that the command line itself names, by group, as ``{"detector": "mine.jumps"}``;
+        those of the run may be imported.
 
     Returns
     -------
@@ -147,6 +160,9 @@ def animate(
         write = write_mp4
         find_ffmpeg()
     recording = read_recording(results_dir, choose_run(results_dir, run), seed)
+    admit_recorded(
+        recording, named or {}, trust, partial(console.print, soft_wrap=True, markup=False)
+    )
     epochs = len(recording.curve)
     states = list(_tracked(replay(recording), epochs, "recomputing epochs", console))
     if difference := difference_from_curve(states, recording):
@@ -221,14 +237,38 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
         If a table cannot be read.
     """
     find_missions(results_dir, run=run, seed=seed)
-    config = config_from_science(
-        read_footer(table_path(results_dir, "curves", run, seed))["configuration"]
-    )
+    footer = read_footer(table_path(results_dir, "curves", run, seed))
     curve, samples, maps = (
         read_table(results_dir, name, run, seed).to_pandas()
         for name in ("curves", "samples", "maps")
     )
-    return Recording(run, seed, config, samples, curve, on_grid(maps, "truth"))
+    return Recording(
+        run, seed, footer.config, footer.configuration, samples, curve, on_grid(maps, "truth")
+    )
+
+
+def admit_recorded(
+    recording: Recording,
+    named: Mapping[str, str | None],
+    trust: bool,
+    tell: Callable[[str], object],
+) -> None:
+    """Let functions that a recording names be imported, or refuse; parameters as of `animate`.
+
+    Raises
+    ------
+    UsageError
+        If one is neither named nor trusted, or another is named.
+    """
+    for group, path in named.items():
+        used = getattr(getattr(recording.config, group), "function", None)
+        if path is not None and path != used:
+            raise UsageError(
+                f"{group}.function={path} is not the {group} of {recording.run}: "
+                f"{f'that is {used}' if used else 'that is none of a user'}"
+            )
+    given = {group for group, path in named.items() if path is not None}
+    admit(recording.config, recording.science, given, trust, tell)
 
 
 def replay(recording: Recording) -> Iterator[State]:
@@ -242,7 +282,9 @@ def replay(recording: Recording) -> Iterator[State]:
     State
         After the pilot and after each epoch.
     """
-    config, table, truth = recording.config, recording.samples, recording.truth
+    table, truth = recording.samples, recording.truth
+    # Nobody plans: a planner of the user's own is not imported.
+    config = changed(recording.config, planner=stand_in(recording.config))
     # The mission looks at its map only at the query grid's nodes, which are stored.
     extent = checked_extent(config.terrain.extent)
     terrain = Terrain(config.terrain.name, truth, extent, config.terrain.unit or "", "")
@@ -491,9 +533,8 @@ class _Scene:
 
 def _is_papers_own(results_dir: Path, run: str) -> bool:
     """Whether a run is PUCT-COPOD at rho 0.1 and scope batch."""
-    science = read_footer(next(results_dir.glob(f"curves/run={run}/seed=*.parquet")))[
-        "configuration"
-    ]
+    seed = list_missions(results_dir)[run][0]
+    science = read_footer(table_path(results_dir, "curves", run, seed)).configuration
     method = science["planner"]["name"], science["detector"]["name"], science["detector"]["scope"]
     return method == ("puct", "copod", "batch") and science["rho"] == 0.1
 
