@@ -129,7 +129,7 @@ def _audit(arguments: list[str]) -> int:
     known = {terrain.sha256: terrain.elevation for terrain in maps}
     findings = list(audit(results_dir, chosen["run"], seeds, known, chosen["epochs"]))
     print(render(findings))
-    return EXIT_OK if all(finding.holds is not False for finding in findings) else EXIT_FAILED
+    return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
 
 
 def _terrain(arguments: list[str]) -> int:

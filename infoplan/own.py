@@ -94,7 +94,10 @@ def find_source(path: str) -> Path | None:
             spec = next((spec for spec in specs if spec), None)
             if spec is None:
                 return None
-            places, file = spec.submodule_search_locations, spec.origin if spec.has_location else None
+            places, file = (
+                spec.submodule_search_locations,
+                spec.origin if spec.has_location else None,
+            )
             if places is None and count < len(modules):
                 return None
     return Path(file) if file else None
