@@ -155,6 +155,13 @@ def test_replays_are_nobodys_method(tmp_path):
     assert len(rank(tmp_path).standings) == 3
 
 
+def test_replays_alone_are_nothing_to_rank(tmp_path):
+    for method in ("uct-none", "uct-copod"):
+        store(tmp_path, method, collected=COLLECTED, replay="uct-best-helens-rho0-batch-01234567")
+    with pytest.raises(UsageError, match="holds no finished mission"):
+        rank(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("filters", "words"),
     [({"rho": 0.7}, "no finished mission with rho=0.7"), ({"planner": "puct"}, "no two methods")],
