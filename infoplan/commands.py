@@ -90,7 +90,27 @@ class Seeds(click.ParamType):
         return seed_list(read)
 
 
+class Epochs(click.ParamType):
+    """Which epochs of a mission."""
+
+    name, words = "epochs", "all, a number of epochs, or a list like [0,5,9]"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Read them."""
+        import yaml
+
+        try:
+            return yaml.safe_load(value) if isinstance(value, str) else value
+        except yaml.YAMLError:
+            return value
+
+
 RESULTS = setting("results_dir", UserPath(folder=True), "folder of the tables", default="results")
+
+
+TRUST = setting(
+    "trust", click.BOOL, "import the functions of its own that the stored run names", default=False
+)
 
 
 def options_of(what: str) -> "Callable[[], More]":
@@ -183,12 +203,14 @@ def run(overrides: list[str]) -> int:
 @setting("seeds", Seeds(), "which seeds; all that are done if left out")
 @setting("n_jobs", click.INT, "missions at a time; -1: one a core", default=-1)
 @setting("resume", click.BOOL, "keep what was replayed already", default=True)
+@TRUST
 def replay(
     run: str | None,
     results_dir: Path,
     seeds: list[int] | None,
     n_jobs: int,
     resume: bool,
+    trust: bool,
     overrides: list[str],
 ) -> int:
     """Replay a run."""
@@ -206,7 +228,14 @@ def replay(
     console = wide_console()
     tell = partial(console.print, soft_wrap=True, markup=False)
     done = replay_run(
-        results_dir, run, overrides, seeds=seeds, n_jobs=n_jobs, resume=resume, tell=tell
+        results_dir,
+        run,
+        overrides,
+        seeds=seeds,
+        n_jobs=n_jobs,
+        resume=resume,
+        trust=trust,
+        tell=tell,
     )
     print_replay(done, results_dir, console)
     return EXIT_FAILED if done.failed else EXIT_OK
@@ -385,12 +414,14 @@ def leaderboard(
 @run_setting("which run; all if left out")
 @RESULTS
 @setting("seeds", Seeds(), "which seeds; all if left out")
+@setting("epochs", Epochs(), "which epochs are recomputed; all if left out")
 @setting("terrain.path", UserPath(), "file of the runs whose map came from one, to check the truth")
 @setting("terrain.member", click.STRING, "the map's name in a .zip archive")
 def audit(
     run: str | None,
     results_dir: Path,
     seeds: list[int] | None,
+    epochs: Any,
     terrain_path: Path | None,
     terrain_member: str | None,
 ) -> int:
@@ -402,7 +433,7 @@ def audit(
     path = None if terrain_path is None else str(terrain_path)
     maps = stored_terrains(results_dir, path, terrain_member)
     known = {terrain.sha256: terrain.elevation for terrain in maps}
-    findings = list(audit(results_dir, run, seeds, known))
+    findings = list(audit(results_dir, run, seeds, known, epochs))
     print_findings(findings, wide_console())
     return EXIT_OK if all(finding.holds for finding in findings) else EXIT_FAILED
 
@@ -417,12 +448,27 @@ def audit(
 @setting("seed", click.IntRange(min=0), "which of its missions", default=0)
 @setting("format", click.Choice(["gif", "mp4"]), "of the file; mp4 needs ffmpeg", default="gif")
 @setting("fps", Number(min=0, max=50, min_open=True), "pictures a second", default=4.0)
-def animate(run: str | None, results_dir: Path, seed: int, format: str, fps: float) -> int:
+@TRUST
+@setting("detector.function", click.STRING, "the run's own detector, which may be imported then")
+@setting("model.function", click.STRING, "the run's own model, which may be imported then")
+def animate(
+    run: str | None,
+    results_dir: Path,
+    seed: int,
+    format: str,
+    fps: float,
+    trust: bool,
+    detector_function: str | None,
+    model_function: str | None,
+) -> int:
     """Animate a mission."""
     from infoplan.draw.animate import animate
     from infoplan.study.summary import wide_console
 
-    path = animate(results_dir, wide_console(), run=run, seed=seed, file_format=format, fps=fps)
+    path = animate(
+        results_dir, wide_console(), run=run, seed=seed, file_format=format, fps=fps, trust=trust,
+        named={"detector": detector_function, "model": model_function},
+    )  # fmt: skip
     print(f"animated to {path}")
     return EXIT_OK
 

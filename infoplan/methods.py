@@ -3,7 +3,7 @@
 import hashlib
 import inspect
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from functools import partial
@@ -20,7 +20,8 @@ from infoplan.config import (
     PyodConfig,
 )
 from infoplan.errors import RunError, UsageError
-from infoplan.own import load, resolve_options
+from infoplan.own import find_source, load, resolve_options
+from infoplan.wording import harmless
 
 OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig)
 
@@ -176,6 +177,60 @@ def method_from_stored(group: str, values: Mapping[str, Any]) -> Any:
     if absent := {item.name for item in fields(schema)} - set(options):
         raise KeyError(f"{group}.{min(absent)}")
     return type(schema)(**options)
+
+
+def admit(
+    config: MissionConfig,
+    science: Mapping[str, Any],
+    named: Collection[str],
+    trust: bool,
+    tell: Callable[[str], object],
+) -> None:
+    """Let functions that a stored run names be imported, or refuse; none is imported here.
+
+    Parameters
+    ----------
+    config, science
+        The run's configuration, as a record and as it is stored. Only its detector and model
+        count: a stored mission's planner is never asked again.
+    named
+        Groups whose function the command line itself names.
+    trust
+        Whether the others may be imported, if their files are those that were flown with.
+    tell
+        Is given a line for each function that will be imported.
+
+    Raises
+    ------
+    UsageError
+        Names the function, and what to do.
+    """
+    for group in ("detector", "model"):
+        options = getattr(config, group)
+        if not isinstance(options, OWN):
+            continue
+        path = str(options.function)
+        option, file = f"{group}.function={path}", find_source(path)
+        if group not in named and not trust:
+            raise UsageError(
+                harmless(
+                    f"the stored run's {group} is the function {path} ({file or 'not found here'}),"
+                    f" which would be imported and run: if you trust it, give {option} or "
+                    "trust=true"
+                )
+            )
+        stored = science[group].get("sha256")
+        if group not in named and stored is not None:
+            found = hashlib.sha256(file.read_bytes()).hexdigest() if file else None
+            if found != stored:
+                raise UsageError(
+                    harmless(
+                        f"the stored run's {group} {path} is not what it was flown with: "
+                        + (f"{file} has the SHA-256 {found}" if file else "its file is not here")
+                        + f", the run says {stored}; {option} takes what is here"
+                    )
+                )
+        tell(harmless(f"importing {path} from {file or 'Python itself'}"))
 
 
 @contextmanager

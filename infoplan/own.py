@@ -5,7 +5,9 @@ import inspect
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 from types import ModuleType, NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
@@ -77,6 +79,56 @@ def text_parameters(function: Callable[..., Any]) -> set[str]:
     }
 
 
+def find_source(path: str) -> Path | None:
+    """Find the file that importing a dotted path would run, and run nothing of it.
+
+    Parameters
+    ----------
+    path
+        As of `load`.
+
+    Returns
+    -------
+    Path or None
+        None if there is none: the module is built in, or cannot be found.
+    """
+    *modules, name = path.split(".")
+    if not modules or not all(part.isidentifier() for part in (*modules, name)):
+        return None
+    loaded = getattr(sys.modules.get(".".join(modules)), "__file__", None)
+    if loaded:
+        return Path(loaded)
+    places, file = None, None
+    with _current_folder_first():
+        for count in range(1, len(modules) + 1):
+            full = ".".join(modules[:count])
+            # Asked one by one: importlib's own search imports the packages on its way.
+            finders = (finder for finder in sys.meta_path if hasattr(finder, "find_spec"))
+            specs = (finder.find_spec(full, places) for finder in finders)
+            spec = next((spec for spec in specs if spec), None)
+            if spec is None:
+                return None
+            places, file = (
+                spec.submodule_search_locations,
+                spec.origin if spec.has_location else None,
+            )
+            if places is None and count < len(modules):
+                return None
+    return Path(file) if file else None
+
+
+@contextmanager
+def _current_folder_first() -> Iterator[None]:
+    """Let modules in the current directory be found first, for a while."""
+    before = list(sys.path)
+    sys.path.insert(0, os.getcwd())
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path[:] = before
+
+
 def resolve_options(
     function: Callable[..., Any], given: Mapping[str, Any], option: str = "options"
 ) -> dict[str, Any]:
@@ -131,11 +183,11 @@ def resolve_options(
             what = "has no annotation" if kind is parameter.empty else f"is annotated {kind}"
             raise UsageError(f"the parameter {key!r} of {name} {what}: annotate it as {SUPPORTED}")
         if key not in given and parameter.default is parameter.empty:
-            raise UsageError(f"{name} needs {option}.{key}: give {_words(kind)}")
+            raise UsageError(f"{name} needs {option}.{key}: give {in_words(kind)}")
         value = given.get(key, parameter.default)
         if not fits(value, kind):
             where = f"{option}.{key}={value}" if key in given else f"the default {value!r} of {key}"
-            raise UsageError(f"{where} does not fit {name}: it must be {_words(kind)}")
+            raise UsageError(f"{where} does not fit {name}: it must be {in_words(kind)}")
         resolved[key] = _converted(value, kind)
     return resolved
 
@@ -180,9 +232,9 @@ def _is_supported(kind: Any) -> bool:
 
 
 def fits(value: Any, kind: Any) -> bool:
-    """Whether a value is of a type that an option may have, to the bottom of lists and mappings.
+    """Tell whether a value is of a type, to the bottom of lists and mappings.
 
-    A whole number is a number, too; true and false are none.
+    Numbers for a float are finite, and whole ones will do; true and false are no numbers.
     """
     return any(_fits_one(value, member) for member in _alternatives(kind))
 
@@ -219,12 +271,12 @@ def _converted(value: Any, kind: Any) -> Any:
     return value
 
 
-def _words(kind: Any) -> str:
+def in_words(kind: Any) -> str:
     """Say what values a type takes."""
     described = []
     for member in _alternatives(kind):
         base = NoneType if member is None else get_origin(member) or member
         inner = get_args(member)
-        of = f" of which each is {_words(inner[-1])}" if inner else ""
-        described.append(WORDS[base] + of)
+        of = f" of which each is {in_words(inner[-1])}" if inner else ""
+        described.append(WORDS.get(base, "any value") + of)
     return " or ".join(described)

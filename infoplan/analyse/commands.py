@@ -91,8 +91,8 @@ def _typed_path(selection: Selection) -> str | None:
     """Path of the map, as it stands in the command that flew one of the missions."""
     for run, seed in zip(selection.missions["run"], selection.missions["seed"], strict=True):
         footer = inspect(selection.results_dir, run, seed).footer
-        for word in footer.get("command") or []:
-            name, _, value = str(word).partition("=")
+        for word in footer.command if footer else []:
+            name, _, value = word.partition("=")
             if name == "terrain.path" and value:
                 return typed_text(name, value)
     return None

@@ -24,7 +24,7 @@ from infoplan.analyse.tables import (
     option_text,
     stored_footers,
 )
-from infoplan.errors import RunError, UsageError
+from infoplan.errors import UsageError
 from infoplan.study.store import read_table
 from infoplan.wording import counted
 
@@ -311,23 +311,18 @@ def _stored(folder: Path) -> list[Stored]:
     """List all finished missions that were flown; replays are nobody's method."""
     missions, parts = [], {}
     for run, seed, footer in stored_footers(folder):
-        try:
-            science = footer["configuration"]
-            if REPLAY in science:
-                continue
-            if run not in parts:
-                rest = {k: v for k, v in science.items() if k not in (*METHOD, "terrain", "rho")}
-                parts[run] = (
-                    flatten({part: science[part] for part in METHOD}),
-                    flatten({"terrain": science["terrain"]}),
-                    flatten(rest),
-                    float(science["rho"]),
-                )
-            missions.append(Stored(run, seed, *parts[run]))
-        except KeyError as error:
-            raise RunError(
-                f"the footer of {run} seed {seed} lacks {error}: run its configuration again"
-            ) from error
+        science = footer.configuration
+        if REPLAY in science:
+            continue
+        if run not in parts:
+            rest = {k: v for k, v in science.items() if k not in (*METHOD, "terrain", "rho")}
+            parts[run] = (
+                flatten({part: science[part] for part in METHOD}),
+                flatten({"terrain": science["terrain"]}),
+                flatten(rest),
+                float(science["rho"]),
+            )
+        missions.append(Stored(run, seed, *parts[run]))
     return missions
 
 

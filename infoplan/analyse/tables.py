@@ -4,7 +4,7 @@ import html
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -14,6 +14,9 @@ from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
 from infoplan.wording import counted, harmless, suggest
+
+if TYPE_CHECKING:
+    from infoplan.study.records import Footer
 
 DEFAULT_TERRAIN = "helens"
 
@@ -151,8 +154,8 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     Raises
     ------
     UsageError
-        If nothing answers, a filter is unknown, or what answers mixes terrains, budgets or schema
-        versions; the sentence says what was found.
+        If nothing answers, a filter is unknown, or what answers mixes terrains or budgets; the
+        sentence says what was found.
     RunError
         If a table cannot be read.
     """
@@ -367,41 +370,36 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
     """List all finished missions, and the configuration of each run, from the curves' footers."""
     rows, options = [], {}
     for run, seed, footer in stored_footers(folder):
-        try:
-            flat = flatten(footer["configuration"])
-            options[run] = flat
-            rows.append(
-                {
-                    "run": run,
-                    "seed": seed,
-                    "method": method_of(flat),
-                    "planner": flat["planner.name"],
-                    "detector": flat["detector.name"],
-                    "scope": flat["detector.scope"],
-                    "rho": float(flat["rho"]),
-                    "terrain": flat["terrain.name"],
-                    "budget": int(flat["budget"]),
-                    "schema": footer["schema_version"],
-                }
-            )
-        except KeyError as error:
-            raise RunError(
-                f"the footer of {run} seed {seed} lacks {error}: run its configuration again"
-            ) from error
+        if run not in options:
+            options[run] = flatten(footer.configuration)
+        flat = options[run]
+        rows.append(
+            {
+                "run": run,
+                "seed": seed,
+                "method": method_of(flat),
+                "planner": flat["planner.name"],
+                "detector": flat["detector.name"],
+                "scope": flat["detector.scope"],
+                "rho": float(flat["rho"]),
+                "terrain": flat["terrain.name"],
+                "budget": int(flat["budget"]),
+            }
+        )
     missions = pd.DataFrame(rows)
     if rows:
         missions["method"] = missions["method"].map(labels(missions["method"]))
     return missions, options
 
 
-def stored_footers(folder: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
+def stored_footers(folder: Path) -> Iterator[tuple[str, int, "Footer"]]:
     """Read the footers of all curves.
 
     Yields
     ------
     run : str
     seed : int
-    footer : dict
+    footer : Footer
 
     Raises
     ------
@@ -412,14 +410,7 @@ def stored_footers(folder: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
 
     for run, seeds in list_missions(folder).items():
         for seed in seeds:
-            path = table_path(folder, "curves", run, seed)
-            footer = read_footer(path)
-            if (footer.get("run"), footer.get("seed")) != (run, seed):
-                raise RunError(
-                    f"{path} belongs to {footer.get('run')} seed {footer.get('seed')}: delete it "
-                    "and run its configuration again"
-                )
-            yield run, seed, footer
+            yield run, seed, read_footer(table_path(folder, "curves", run, seed))
 
 
 def demand_whole(folder: Path, missions: Iterable[tuple[str, int]]) -> None:
@@ -528,28 +519,13 @@ def _found(missions: pd.DataFrame, options: dict[str, Options], name: str) -> st
 
 
 def _check_together(missions: pd.DataFrame, options: dict[str, Options]) -> None:
-    """Refuse to mix terrains, budgets, schema versions, or maps of one name."""
-    from infoplan.study.identity import SCHEMA_VERSION
-
+    """Refuse to mix terrains, budgets, or maps of one name."""
     for name in ("terrain", "budget"):
         if missions[name].nunique() > 1:
             raise UsageError(
                 f"the missions have different {name}s, {_found(missions, options, name)}: "
                 f"choose one with {name}="
             )
-    versions = sorted(set(missions["schema"]))
-    if len(versions) > 1:
-        raise UsageError(
-            f"the missions have tables of different schema versions, "
-            f"{' and '.join(map(str, versions))}: run those of version {versions[0]} again, or "
-            "choose with run="
-        )
-    if versions[0] != SCHEMA_VERSION:
-        raise UsageError(
-            f"the tables have schema version {versions[0]}, but this infoplan reads version "
-            f"{SCHEMA_VERSION}: run the configurations again, or read them with the infoplan that "
-            "wrote them (its version is in the tables' footers)"
-        )
     for name in ("terrain.sha256", "terrain.extent", "terrain.unit"):
         if len({repr(flat.get(name)) for flat in options.values()}) > 1:
             raise UsageError(

@@ -3,9 +3,10 @@
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,16 +19,16 @@ from rich.progress import track
 from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import on_grid
 from infoplan.analyse.tables import find_missions, flatten
-from infoplan.config import METHODS, MissionConfig, TreeSearchConfig, validate
+from infoplan.config import MissionConfig, validate
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import Look, looks, method_of
-from infoplan.methods import culprit_named
+from infoplan.methods import admit, culprit_named
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.plan import count_flags, smooth
-from infoplan.study.identity import config_from_science
+from infoplan.study.replay import stand_in
 from infoplan.study.run_names import find_run, stored_runs
-from infoplan.study.store import read_footer, read_table, table_path
+from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
 from infoplan.wording import figure
@@ -73,6 +74,8 @@ class Recording:
         Its name, as in all drawings.
     config
         Its configuration.
+    science
+        The same as it is stored.
     samples, curve, maps
         Its tables, one row a sample, an epoch, a node of the query grid.
     truth
@@ -83,6 +86,7 @@ class Recording:
     seed: int
     method: str
     config: MissionConfig
+    science: dict[str, Any]
     samples: pd.DataFrame
     curve: pd.DataFrame
     maps: pd.DataFrame
@@ -123,6 +127,7 @@ def animate(
     file_format: str = "gif",
     fps: float = 4,
     trust: bool = False,
+    named: Mapping[str, str | None] | None = None,
 ) -> Path:
     """Draw a stored mission as an animation, a picture an epoch.
 
@@ -145,7 +150,11 @@ def animate(
     fps
         Pictures a second, above 0 and at most 50.
     trust
-        Import the detector and the model that the stored configuration names.
+        Whether a detector's or model's function that the stored run names may be imported; else
+        those maps alone are drawn that the tables hold.
+    named
+        Functions that the command line itself names, by group, as ``{"detector": "mine.jumps"}``;
+        those of the run may be imported.
 
     Returns
     -------
@@ -168,7 +177,7 @@ def animate(
         write = write_mp4
         find_ffmpeg()
     recording = read_recording(results_dir, choose_run(results_dir, run), seed)
-    states = list(_states(recording, trust, console))
+    states = list(_states(recording, named or {}, trust, console))
     states = thinned(states, MAX_FRAMES)
     pictures = list(
         _tracked(draw_pictures(states, recording), len(states), "drawing pictures", console)
@@ -235,26 +244,36 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
         If a table cannot be read.
     """
     missions = find_missions(results_dir, run=run, seed=seed).missions
-    config = config_from_science(
-        read_footer(table_path(results_dir, "curves", run, seed))["configuration"]
-    )
+    footer = read_footer(table_path(results_dir, "curves", run, seed))
     curve, samples, maps = (
         read_table(results_dir, name, run, seed).to_pandas()
         for name in ("curves", "samples", "maps")
     )
     truth = on_grid(maps, "truth")
-    if truth.shape != tuple(config.grid):
+    if truth.shape != tuple(footer.config.grid):
         raise RunError(
             f"the map of {run} seed {seed} has {truth.shape[0]} x {truth.shape[1]} nodes, not the "
-            f"{config.grid} of its configuration: run it again"
+            f"{footer.config.grid} of its configuration: run it again"
         )
     method = str(missions["method"].iloc[0])
-    return Recording(run, seed, method, config, samples, curve, maps, truth)
+    return Recording(
+        run, seed, method, footer.config, footer.configuration, samples, curve, maps, truth
+    )
 
 
-def cannot_replay(config: MissionConfig, trust: bool) -> str:
-    """Say why the states of a mission are not recomputed; empty if they are."""
-    own = [getattr(config, group) for group in ("detector", "model")]
+def cannot_replay(config: MissionConfig, trust: bool, given: Collection[str] = ()) -> str:
+    """Say why the states of a mission are not recomputed; empty if they are.
+
+    Parameters
+    ----------
+    config
+        The mission's.
+    trust
+        Whether functions that it names may be imported.
+    given
+        Groups whose function the command line itself names.
+    """
+    own = [getattr(config, group) for group in ("detector", "model") if group not in given]
     named = [options.function for options in own if getattr(options, "function", None)]
     if named and not trust:
         return (
@@ -264,7 +283,7 @@ def cannot_replay(config: MissionConfig, trust: bool) -> str:
     try:
         # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
         terrain = replace(MissionConfig().terrain, extent=config.terrain.extent)
-        validate(replace(config, terrain=terrain, planner=_stand_in(config)))
+        validate(replace(config, terrain=terrain, planner=stand_in(config)))
     except UsageError as error:
         return f"its configuration is none that could be flown: {error}"
     return ""
@@ -310,8 +329,8 @@ def replay(recording: Recording) -> Iterator[State]:
         After the pilot and after each epoch.
     """
     table, truth = recording.samples, recording.truth
-    # Nobody plans: a planner of the user's own need not be there any more.
-    config = replace(recording.config, planner=_stand_in(recording.config))
+    # Nobody plans: a planner of the user's own is not imported.
+    config = replace(recording.config, planner=stand_in(recording.config))
     # The mission looks at its map only at the query grid's nodes, which are stored.
     terrain = Terrain(config.terrain.name, truth, _extent(config), config.terrain.unit or "", "")
     mission = Mission(config, terrain, recording.seed)
@@ -574,25 +593,25 @@ class _Scene:
 
 def _is_papers_own(results_dir: Path, run: str) -> bool:
     """Whether a run is PUCT-COPOD at rho 0.1 and scope batch."""
-    science = read_footer(next(results_dir.glob(f"curves/run={run}/seed=*.parquet")))[
-        "configuration"
-    ]
+    seed = list_missions(results_dir)[run][0]
+    science = read_footer(table_path(results_dir, "curves", run, seed)).configuration
     setting = science["detector"]["scope"], science["rho"]
     return method_of(flatten(science)).label == "PUCT-COPOD" and setting == ("batch", 0.1)
 
 
-def _states(recording: Recording, trust: bool, console: Console) -> Iterator[State]:
+def _states(
+    recording: Recording, named: Mapping[str, str | None], trust: bool, console: Console
+) -> Iterator[State]:
     """Recompute a mission's states, or take what the tables tell, and say which."""
+    tell = partial(console.print, soft_wrap=True, markup=False)
     config, epochs = recording.config, len(recording.curve)
-    if reason := cannot_replay(config, trust):
-        note = f"only the maps of the end are shown: {reason}"
-        console.print(note, soft_wrap=True, markup=False)
+    _check_named(recording, named)
+    given = {group for group, path in named.items() if path is not None}
+    if reason := cannot_replay(config, trust, given):
+        tell(f"only the maps of the end are shown: {reason}")
         yield from _tracked(from_tables(recording), epochs, "reading epochs", console)
         return
-    for group in ("detector", "model"):
-        options = getattr(config, group)
-        if isinstance(options, type(METHODS[group]["own"])):
-            console.print(f"importing {options.function}", soft_wrap=True, markup=False)
+    admit(config, recording.science, given, trust, tell)
     states = []
     for state in _tracked(replay(recording), epochs, "recomputing epochs", console):
         states.append(state)
@@ -601,9 +620,15 @@ def _states(recording: Recording, trust: bool, console: Console) -> Iterator[Sta
         console.print(f"WARNING: {difference}", style="bold yellow", soft_wrap=True, markup=False)
 
 
-def _stand_in(config: MissionConfig) -> TreeSearchConfig:
-    """Return a planner that keeps what a mission reads of a planner's options."""
-    return TreeSearchConfig(smoothing=config.planner.smoothing)
+def _check_named(recording: Recording, named: Mapping[str, str | None]) -> None:
+    """Refuse a function of the command line that is not the recording's."""
+    for group, path in named.items():
+        used = getattr(getattr(recording.config, group), "function", None)
+        if path is not None and path != used:
+            raise UsageError(
+                f"{group}.function={path} is not the {group} of {recording.run}: "
+                f"{f'that is {used}' if used else 'that is none of a user'}"
+            )
 
 
 def _extent(config: MissionConfig) -> style.Extent:

@@ -350,7 +350,7 @@ def run_records(selection: Selection, findings: Findings) -> list[dict[str, Any]
 def read_footers(selection: Selection) -> list[dict[str, Any]]:
     """Read the provenance of each mission."""
     return [
-        read_footer(table_path(selection.results_dir, "curves", str(run), int(seed)))
+        vars(read_footer(table_path(selection.results_dir, "curves", str(run), int(seed))))
         for run, seed in selection.missions[["run", "seed"]].itertuples(index=False)
     ]
 

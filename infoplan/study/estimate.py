@@ -75,10 +75,10 @@ def learn(results_dir: Path) -> Pace:
         for seed in seeds:
             try:
                 footer = read_footer(table_path(results_dir, "curves", run, seed))
-                if "replay" not in footer["configuration"]:  # nothing was planned in those
-                    pace.add(kind_of(footer["configuration"]), float(footer["seconds"]))
-            except (RunError, KeyError, TypeError, ValueError):
+            except RunError:
                 continue
+            if "replay" not in footer.configuration:  # nothing was planned in those
+                pace.add(kind_of(footer.configuration), footer.seconds)
     return pace
 
 

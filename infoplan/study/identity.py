@@ -2,12 +2,11 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from infoplan.config import (
     METHODS,
@@ -15,11 +14,15 @@ from infoplan.config import (
     MissionConfig,
     OwnTerrainConfig,
     TerrainConfig,
+    check_options,
     terrain_kind,
+    validate,
 )
+from infoplan.config import options as walk
 from infoplan.errors import RunError, UsageError
-from infoplan.methods import complete, method_from_stored, method_label, stored_methods
-from infoplan.own import load, resolve_options
+from infoplan.methods import complete, method_from_stored, stored_methods
+from infoplan.own import fits, in_words, load, resolve_options
+from infoplan.tables import MAX_ROWS
 from infoplan.terrain import Terrain, find_helens, load_terrain
 
 NUMERICS_VERSION = 1
@@ -59,18 +62,24 @@ def identify(config: MissionConfig, terrain: Terrain) -> Run:
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
-    name = "-".join(
+    return Run(run_name(science), resolved, terrain, science)
+
+
+def run_name(science: Mapping[str, Any]) -> str:
+    """Name a run by its `science`; that of a replay begins with ``replay-``."""
+    model = science["model"]["name"]
+    return "-".join(
         [
-            method_label(resolved.planner),
-            method_label(resolved.detector),
-            *([] if resolved.model.name == "gp" else [method_label(resolved.model)]),
-            terrain.name,
-            f"rho{resolved.rho:g}",
-            resolved.detector.scope,
+            *(["replay"] if "replay" in science else []),
+            science["planner"]["name"],
+            science["detector"]["name"],
+            *([] if model == "gp" else [model]),
+            science["terrain"]["name"],
+            f"rho{science['rho']:g}",
+            science["detector"]["scope"],
             digest(science),
         ]
     )
-    return Run(name, resolved, terrain, science)
 
 
 def digest(science: Mapping[str, Any]) -> str:
@@ -97,6 +106,9 @@ def stored_terrains(
 ) -> list[Terrain]:
     """Load the maps of stored runs again, those that are to be had here; nothing is downloaded.
 
+    Maps that a function of a user's own makes are left out: what a results folder names is never
+    called.
+
     Parameters
     ----------
     results_dir
@@ -115,16 +127,20 @@ def stored_terrains(
     UsageError
         If `path` leads to the map of no run.
     """
+    from infoplan.study.records import MisfitError, read_science
+
     found: dict[str, Terrain] = {}
     failure = ""
     for file in sorted(results_dir.glob("runs/*.yaml")):
         try:
-            science = yaml.safe_load(file.read_text(encoding="utf-8"))
-            options = vars(config_from_science(science).terrain)
-            digest = science["terrain"]["sha256"]
-        except (OSError, ValueError, TypeError, KeyError, RunError, yaml.YAMLError):
+            science = read_science(file)
+        except MisfitError:
             continue  # whoever reads the run says what is wrong with it
+        options = vars(config_from_science(science).terrain)
+        digest = science["terrain"]["sha256"]
         kind = terrain_kind(options["name"])
+        if kind == "own" or math.prod(options.get("shape") or [1]) > MAX_ROWS:
+            continue
         if kind == "helens":
             options["path"] = find_helens()
         elif kind == "file":
@@ -184,8 +200,19 @@ def config_from_science(science: Mapping[str, Any]) -> MissionConfig:
     Raises
     ------
     RunError
-        If an option is missing or unknown: the mapping is of another version.
+        If an option is missing, unknown, or of another type, range or size than it may have.
     """
+    try:
+        return restored(science)
+    except ValueError as error:
+        raise RunError(
+            f"the stored configuration does not fit this version of infoplan ({error}): "
+            "run it again with this version"
+        ) from error
+
+
+def restored(science: Mapping[str, Any]) -> MissionConfig:
+    """Do as `config_from_science`, and raise a ValueError that says what does not fit."""
     options: dict[str, Any] = {}
     try:
         for item in fields(MissionConfig):
@@ -201,9 +228,37 @@ def config_from_science(science: Mapping[str, Any]) -> MissionConfig:
                 if absent:
                     raise KeyError(f"{item.name}.{min(absent)}")
                 options[item.name] = schema(**stored)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise RunError(
-            f"the stored configuration does not fit this version of infoplan ({error}): "
-            "run it again with this version"
-        ) from error
-    return MissionConfig(**options)
+        config = MissionConfig(**options)
+        _demand_types(config, science)
+        _demand_ranges(config)
+    except KeyError as error:
+        raise ValueError(f"{error.args[0]} is missing or unknown") from error
+    except (TypeError, AttributeError) as error:
+        raise ValueError(error) from error
+    return config
+
+
+def _demand_types(config: MissionConfig, science: Mapping[str, Any]) -> None:
+    """Check the type of every option, and of what a configuration holds besides."""
+    for name, value, metadata in walk(config):
+        if not fits(value, metadata["type"]):
+            raise TypeError(f"{name} must be {in_words(metadata['type'])}")
+    besides = {
+        "numerics_version": (science["numerics_version"], int),
+        "terrain.sha256": (science["terrain"]["sha256"], str),
+        "replay": (science.get("replay"), str | None),
+        **{f"{group}.sha256": (science[group].get("sha256"), str | None) for group in METHODS},
+    }
+    for name, (value, kind) in besides.items():
+        if not fits(value, kind):
+            raise TypeError(f"{name} must be {in_words(kind)}")
+
+
+def _demand_ranges(config: MissionConfig) -> None:
+    """Check the bounds of every option, and sizes beyond which nothing could have been flown."""
+    terrain = config.terrain
+    check_options(replace(terrain, name=terrain_kind(terrain.name)), "terrain.")
+    # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
+    validate(replace(config, terrain=replace(TerrainConfig(), extent=terrain.extent)))
+    if max(config.budget, math.prod(config.grid)) > MAX_ROWS:
+        raise ValueError(f"budget and nodes of the grid must be at most {MAX_ROWS}")

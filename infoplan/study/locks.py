@@ -6,8 +6,11 @@ dies of. The lock counts between machines as far as their shared file system car
 
 import errno
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
+
+from infoplan.wording import harmless
 
 try:
     import fcntl
@@ -16,12 +19,18 @@ except ImportError:  # Windows
 
 FOLDER = ".locks"
 
-UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
-"""What a file system answers that knows no locks."""
+OPEN = os.O_RDWR | getattr(os, "O_NONBLOCK", 0)
+"""How a lock's file is opened: whatever stands in its place is not waited for."""
+
+HELD = (errno.EWOULDBLOCK, errno.EAGAIN) if fcntl else (errno.EACCES, errno.EDEADLK)
+"""What is answered where another process holds a lock; Windows has its own way to say so."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENAMETOOLONG)
+"""What is answered where no lock can be made and no table will be."""
 
 
 class NoLocksError(OSError):
-    """The file system of the results knows no locks."""
+    """No locks can be had on the file system of the results: work goes on without them."""
 
 
 class Lock:
@@ -59,12 +68,19 @@ def acquire(results_dir: Path, run: str, seed: int) -> Lock | None:
     Raises
     ------
     NoLocksError
-        If the file system knows no locks.
+        If no locks can be had there, whatever the reason.
+    OSError
+        If there is no room for one.
     """
     path = lock_path(results_dir, run, seed)
-    path.parent.mkdir(parents=True, exist_ok=True)
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(path, OPEN | os.O_CREAT, 0o666)
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+            raise NoLocksError(error.errno, os.strerror(error.errno or errno.EIO)) from error
         try:
             if not _lock(descriptor):
                 os.close(descriptor)
@@ -77,18 +93,28 @@ def acquire(results_dir: Path, run: str, seed: int) -> Lock | None:
         os.close(descriptor)
 
 
+def no_locks(results_dir: Path, error: NoLocksError) -> str:
+    """Say that work goes on without locks, and what that means."""
+    return harmless(
+        f"no locks can be had in {results_dir} ({error.strerror}): do not run a second infoplan "
+        "on it"
+    )
+
+
 def list_held(results_dir: Path) -> set[tuple[str, int]]:
     """List the missions that some process is flying now, as (run, seed)."""
     held = set()
     for path in (results_dir / FOLDER).glob("*.seed=*"):
-        run, _, seed = path.name.rpartition(".seed=")
-        try:
-            descriptor = os.open(path, os.O_RDWR)
-        except OSError:  # released just now
+        run, _, digits = path.name.rpartition(".seed=")
+        if not re.fullmatch(r"[0-9]{1,18}", digits):
             continue
         try:
-            if seed.isdigit() and not _lock(descriptor):
-                held.add((run, int(seed)))
+            descriptor = os.open(path, OPEN)
+        except OSError:  # released just now, or none of ours
+            continue
+        try:
+            if not _lock(descriptor):
+                held.add((run, int(digits)))
         except NoLocksError:
             pass
         finally:
@@ -106,9 +132,9 @@ def _lock(descriptor: int) -> bool:
 
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
     except OSError as error:
-        if error.errno in UNSUPPORTED:
-            raise NoLocksError(error.errno, os.strerror(error.errno)) from error
-        return False
+        if error.errno in HELD:
+            return False
+        raise NoLocksError(error.errno, os.strerror(error.errno or errno.EIO)) from error
     return True
 
 

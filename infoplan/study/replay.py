@@ -22,11 +22,11 @@ from infoplan.caches import kernel_note
 from infoplan.config import MissionConfig, TreeSearchConfig, seed_list, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
-from infoplan.methods import culprit_named, method_label
+from infoplan.methods import admit, culprit_named
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.study.flight import Outcome, Task, failed
-from infoplan.study.identity import Run, config_from_science, digest, identify
-from infoplan.study.locks import Lock, NoLocksError, acquire
+from infoplan.study.identity import Run, identify, run_name
+from infoplan.study.locks import Lock, NoLocksError, acquire, no_locks
 from infoplan.study.provenance import git_state, provenance
 from infoplan.study.run_names import find_run
 from infoplan.study.store import (
@@ -109,8 +109,9 @@ def find_source(results_dir: Path, named: str) -> Source:
     if not done:
         broken = next(iter(missions.values()))
         raise RunError(broken.reason or f"{name} has gone meanwhile: run it again")
-    science = next(iter(done.values())).footer["configuration"]
-    return Source(name, config_from_science(science), science, list(done))
+    footer = next(iter(done.values())).footer
+    assert footer is not None
+    return Source(name, footer.config, footer.configuration, list(done))
 
 
 def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> MissionConfig:
@@ -177,6 +178,12 @@ def _replayable(override: str) -> str:
     return name
 
 
+def _named_functions(overrides: Sequence[str]) -> set[str]:
+    """List the groups whose function is named by an override."""
+    names = map(_replayable, overrides)
+    return {name.partition(".")[0] for name in names if name.endswith(".function")}
+
+
 def identify_replay(source: Source, config: MissionConfig) -> Run:
     """Name the replay of a run: ``replay-...``, a hash over the source's name, too.
 
@@ -190,15 +197,13 @@ def identify_replay(source: Source, config: MissionConfig) -> Run:
     )
     # Whatever has become of a planner of the user's own: its trajectory is the stored one.
     run = identify(
-        replace(config, terrain=MissionConfig().terrain, planner=_stand_in(config)), terrain
+        replace(config, terrain=MissionConfig().terrain, planner=stand_in(config)), terrain
     )
     kept = {"terrain": stored, "replay": source.science.get("replay", source.name)}
     planner = {**source.science["planner"], "smoothing": config.planner.smoothing}
     science = {**run.science, "planner": planner, **kept}
-    _, _, rest = run.name.rpartition("-")[0].partition("-")
-    name = f"replay-{method_label(config.planner)}-{rest}-{digest(science)}"
     resolved = replace(run.config, terrain=source.config.terrain, planner=config.planner)
-    return Run(name, resolved, terrain, science)
+    return Run(run_name(science), resolved, terrain, science)
 
 
 def replay_mission(
@@ -220,7 +225,8 @@ def replay_mission(
         After the pilot and after each epoch.
     """
     # Nobody plans: a planner of the user's own need not be there any more.
-    mission = Mission(replace(config, planner=_stand_in(config)), terrain, seed)
+    config = replace(config, planner=stand_in(config))
+    mission = Mission(config, terrain, seed)
     mission.grid_truth = maps["truth"].to_numpy(dtype=np.float64)
     n = len(samples)
     stored = Samples(
@@ -243,7 +249,7 @@ def replay_mission(
     return mission, rows
 
 
-def _stand_in(config: MissionConfig) -> TreeSearchConfig:
+def stand_in(config: MissionConfig) -> TreeSearchConfig:
     """Planner that keeps what a mission reads of a planner's options."""
     return TreeSearchConfig(smoothing=config.planner.smoothing)
 
@@ -256,6 +262,7 @@ def replay_run(
     seeds: Any = None,
     n_jobs: int = -1,
     resume: bool = True,
+    trust: bool = False,
     tell: Callable[[str], object] = print,
 ) -> Replay:
     """Replay the stored missions of a run, and store the tables as those of a run of its own.
@@ -274,8 +281,11 @@ def replay_run(
         Missions at a time; -1: one a core.
     resume
         Keep what has been replayed already.
+    trust
+        Whether a detector's or model's function that the stored run names may be imported; one
+        that an override names may.
     tell
-        Is given a line for each mission that is done.
+        Is given a line for each function that is imported, and each mission that is done.
 
     Returns
     -------
@@ -284,14 +294,17 @@ def replay_run(
     Raises
     ------
     UsageError
-        If the run or a seed is not there, or an override is not possible.
+        If the run or a seed is not there, an override is not possible, or a function that the run
+        names is not to be trusted.
     RunError
         If a table cannot be written, or no mission of the run is whole.
     """
     from joblib import Parallel, delayed, parallel_config
 
     source = find_source(results_dir, named)
-    run = identify_replay(source, reconfigure(source.config, overrides))
+    config = reconfigure(source.config, overrides)
+    admit(config, source.science, _named_functions(overrides), trust, tell)
+    run = identify_replay(source, config)
     wanted = source.seeds if seeds is None else seed_list(seeds)
     if missing := sorted(set(wanted) - set(source.seeds)):
         raise UsageError(
@@ -312,7 +325,7 @@ def replay_run(
     replayed = Replay(run, source, [seed for seed in wanted if seed not in todo])
     with (
         parallel_config(backend="loky", n_jobs=n_jobs, inner_max_num_threads=1),
-        _locked(results_dir, run.name, todo) as mine,
+        _locked(results_dir, run.name, todo, tell) as mine,
     ):
         for seed in sorted(set(todo) - set(mine)):
             tell(f"{run.name} seed {seed}  is being replayed by another infoplan")
@@ -326,13 +339,17 @@ def replay_run(
 
 
 @contextmanager
-def _locked(results_dir: Path, run: str, seeds: Sequence[int]) -> Iterator[list[int]]:
+def _locked(
+    results_dir: Path, run: str, seeds: Sequence[int], tell: Callable[[str], object]
+) -> Iterator[list[int]]:
     """Hold the locks of missions; gives those that no other process holds."""
     locks: dict[int, Lock | None] = {}
     for seed in seeds:
         try:
             lock = acquire(results_dir, run, seed)
-        except NoLocksError:
+        except NoLocksError as error:
+            if None not in locks.values():
+                tell(f"WARNING: {no_locks(results_dir, error)}")
             locks[seed] = None
         else:
             if lock:

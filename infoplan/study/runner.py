@@ -22,7 +22,7 @@ from infoplan.errors import RunError, UsageError
 from infoplan.study.estimate import Pace, kind_of, learn
 from infoplan.study.flight import Outcome, Task
 from infoplan.study.identity import Run, identify
-from infoplan.study.locks import Lock, NoLocksError, acquire
+from infoplan.study.locks import Lock, NoLocksError, acquire, no_locks
 from infoplan.study.pool import Pool, open_pool
 from infoplan.study.progress import Display, Line
 from infoplan.study.provenance import git_state
@@ -31,6 +31,7 @@ from infoplan.study.store import (
     Stored,
     inspect,
     prepare,
+    remedy,
     save_configuration,
     save_failure,
     save_mission,
@@ -316,13 +317,12 @@ class Flight:
             try:
                 lock = acquire(self.study.results_dir, task.run.name, task.seed)
             except NoLocksError as error:
-                self.warn("locks", f"the file system of {self.study.results_dir} knows no locks "
-                          f"({error.strerror}): do not run a second infoplan on it")  # fmt: skip
+                self.warn("locks", no_locks(self.study.results_dir, error))
                 lock = None
             except OSError as error:
                 raise RunError(
-                    f"no lock can be taken in {self.study.results_dir} ({error.strerror}): make "
-                    "room, then run the same command again; what is finished is kept"
+                    f"no lock can be taken in {self.study.results_dir} ({error.strerror}): "
+                    f"{remedy(error)}, then run the same command again; what is finished is kept"
                 ) from error
             else:
                 if lock is None:
@@ -393,7 +393,7 @@ class Flight:
     def warn_of_other_machines(self, footer: dict[str, Any]) -> None:
         """Say once if missions of this study were computed where the last digits may differ."""
         for stored in self.study.stored.values():
-            differing = differences(stored.footer, footer) if stored.state == "done" else []
+            differing = differences(vars(stored.footer), footer) if stored.footer else []
             if differing and self.config.resume:
                 self.warn(
                     "machine", f"missions of this study were computed elsewhere (other "

@@ -4,7 +4,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -14,6 +13,7 @@ from infoplan.draw.table_layout import WHOLE, Column, print_table, say
 from infoplan.errors import UsageError
 from infoplan.study.estimate import duration
 from infoplan.study.locks import list_held
+from infoplan.study.records import Footer
 from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study
 from infoplan.study.store import inspect, list_failures, list_foreign, list_missions
@@ -175,10 +175,10 @@ def look(
             stored = inspect(results_dir, name, seed)
             if stored.state == "broken":
                 problems.append(stored.reason)
-            if stored.state == "done":
+            if stored.footer:
                 state.done.append(seed)
                 if name not in known:
-                    known[name] = flatten(stored.footer["configuration"])
+                    known[name] = flatten(stored.footer.configuration)
                 _add_times(state, stored.footer)
             elif (name, seed) in held:
                 state.running.append(seed)
@@ -198,12 +198,11 @@ def look(
     return Status(str(results_dir), runs, problems)
 
 
-def _add_times(state: RunStatus, footer: dict[str, Any]) -> None:
-    began, ended = footer.get("started"), footer.get("ended")
+def _add_times(state: RunStatus, footer: Footer) -> None:
     # ISO 8601 in UTC: the order of the strings is that of the times.
-    state.first = min(filter(None, [state.first, began]), default=None)
-    state.last = max(filter(None, [state.last, ended]), default=None)
-    state.seconds += float(footer.get("seconds") or 0.0)
+    state.first = min(state.first or footer.started, footer.started)
+    state.last = max(state.last or footer.ended, footer.ended)
+    state.seconds += footer.seconds
 
 
 def _print(found: Status, as_json: bool) -> None:

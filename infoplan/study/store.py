@@ -7,44 +7,61 @@ curve last: a curve means that the mission is done. `inspect` tells whether what
 import errno
 import hashlib
 import json
+import math
 import os
+import re
+import sys
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import yaml
 
 from infoplan.errors import RunError, UsageError
+from infoplan.files import read_regular
 from infoplan.methods import method_label
-from infoplan.study.identity import SCHEMA_VERSION, Run, digest
+from infoplan.study.identity import SCHEMA_VERSION, Run
+from infoplan.study.provenance import git_state, provenance
+from infoplan.study.records import Footer, MisfitError, footer_digest, read_document
+from infoplan.tables import (
+    COLUMNS,
+    GAPS,
+    MAX_BYTES,
+    MAX_COLUMNS,
+    MAX_DOCUMENT,
+    MAX_SEED_DIGITS,
+)
+from infoplan.wording import harmless
 
 if TYPE_CHECKING:
     from infoplan.mission import CurveRow, Mission
 
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "curves": (
-        "planner", "detector", "scope", "rho", "terrain", "seed", "epoch", "collected", "accepted",
-        "rmse", "mae", "nlpd", "coverage95", "tp", "fp", "fn", "tn", "amplitude", "lengthscale_1",
-        "lengthscale_2", "noise_std", "jitter", "lml", "plan_seconds", "fit_seconds",
-        "predict_seconds", "detect_seconds",
+TYPES: tuple[tuple[str, pa.DataType, Callable[[pa.DataType], bool]], ...] = (
+    (
+        "text",
+        pa.string(),
+        lambda found: pa.types.is_string(found) or pa.types.is_large_string(found),
     ),
-    "samples": (
-        "seed", "epoch", "x1", "x2", "heading", "truth", "measured", "score", "is_outlier",
-        "flagged", "used",
-    ),
-    "maps": ("seed", "x1", "x2", "truth", "mean", "std", "outlier_density"),
-}  # fmt: skip
-"""Columns that each table has at least."""
+    ("integer", pa.int64(), pa.types.is_integer),
+    ("double", pa.float64(), pa.types.is_float64),
+    ("boolean", pa.bool_(), pa.types.is_boolean),
+)
+"""Kinds of columns, the type that each is written with, and those that it is read from."""
 
 FOOTER = b"infoplan"
 """Key of the JSON document in a table's Parquet metadata."""
+
+ERRORS = ("rmse", "mae", "nlpd", "coverage95")
+"""Columns of the curve that score the model."""
 
 SCRATCH = ".scratch"
 """Folder of files that are being written: some readers take every file in a table's folder."""
@@ -73,17 +90,26 @@ class Stored:
     reason
         Of a broken mission: which file, and what is wrong with it.
     footer
-        Provenance of a mission that is done.
+        Provenance of a mission that is done; None of others.
     """
 
     state: str
     reason: str = ""
-    footer: dict[str, Any] = field(default_factory=dict)
+    footer: Footer | None = None
 
 
 def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> MissionTables:
-    """Lay a finished mission out as tables; columns as the README lists them."""
+    """Lay a finished mission out as tables; columns as the README lists them.
+
+    Raises
+    ------
+    RunError
+        If an error is not finite though the truth is known: the model has predicted nonsense.
+    """
     config, seed, n = run.config, mission.seed, len(rows)
+    if np.isfinite(mission.grid_truth).all():
+        for row in rows:
+            _demand_finite(row, method_label(config.model))
     labels = {
         "planner": method_label(config.planner),
         "detector": method_label(config.detector),
@@ -127,6 +153,16 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
     )
 
 
+def _demand_finite(row: "CurveRow", model: str) -> None:
+    wrong = [name for name in ERRORS if not math.isfinite(getattr(row, name))]
+    if wrong:
+        said = ", ".join(f"{name} is {getattr(row, name)}" for name in wrong)
+        raise RunError(
+            f"the model {model} predicts what cannot be scored in epoch {row.epoch} ({said}): "
+            "choose other options of the model"
+        )
+
+
 def table_path(results_dir: Path, table: str, run: str, seed: int) -> Path:
     """Path of one table of a mission."""
     return results_dir / table / f"run={run}" / f"seed={seed}.parquet"
@@ -157,12 +193,20 @@ def list_foreign(results_dir: Path) -> list[Path]:
     found = []
     for table in COLUMNS:
         for path in sorted((results_dir / table).rglob("*")):
-            run, seed = path.parent.name, path.name
-            ours = run.startswith("run=") and path.parent.parent == results_dir / table
-            ours = ours and seed.startswith("seed=") and seed[5:].removesuffix(".parquet").isdigit()
-            if path.is_file() and not (ours and seed.endswith(".parquet")):
+            run = path.parent
+            ours = run.name.startswith("run=") and run.parent == results_dir / table
+            ours = ours and path.suffix == ".parquet" and seed_of(path.stem) is not None
+            if not ours and (path.is_symlink() or not path.is_dir()):
                 found.append(path)
     return found
+
+
+def seed_of(stem: str) -> int | None:
+    """Seed that the name of a mission's file tells, as in ``seed=3``; None if it is no such."""
+    digits = stem.removeprefix("seed=")
+    if digits == stem or not re.fullmatch(r"0|[1-9][0-9]*", digits):
+        return None
+    return int(digits) if len(digits) <= MAX_SEED_DIGITS else None
 
 
 def inspect(results_dir: Path, run: str, seed: int) -> Stored:
@@ -170,32 +214,38 @@ def inspect(results_dir: Path, run: str, seed: int) -> Stored:
 
     All values are read and compared with their digest, in about two milliseconds.
     """
-    if not table_path(results_dir, "curves", run, seed).is_file():
+    if not os.path.lexists(table_path(results_dir, "curves", run, seed)):
         return Stored("missing")
-    tables, footers = {}, {}
-    for name in COLUMNS:
-        path = table_path(results_dir, name, run, seed)
-        try:
-            tables[name], footers[name] = _read(path)
-        except RunError as error:
-            return Stored("broken", str(error))
-        wrong = _disagreement(name, tables[name], footers[name], run, seed)
-        if wrong:
-            return Stored("broken", f"{path} {wrong}")
-    if len({footer.get("mission") for footer in footers.values()}) > 1:
-        return Stored("broken", f"the tables of {run} seed {seed} are not of one mission")
+    footers = {}
+    try:
+        for name in COLUMNS:
+            _, footers[name] = _read(results_dir, name, run, seed)
+    except RunError as error:
+        return Stored("broken", str(error))
+    if wrong := disagreement(list(footers.values())):
+        return Stored(
+            "broken",
+            harmless(f"the tables of {run} seed {seed} are not of one mission: their {wrong}"),
+        )
     return Stored("done", footer=footers["curves"])
 
 
+def disagreement(footers: Sequence[Footer]) -> str:
+    """Say in what the footers of a mission's tables differ; empty if in nothing."""
+    first, *others = (footer.story() for footer in footers)
+    differing = [name for name in first if any(other[name] != first[name] for other in others)]
+    return f"footers differ in {', '.join(differing)}" if differing else ""
+
+
 def read_table(results_dir: Path, table: str, run: str, seed: int) -> pa.Table:
-    """Read one table of a mission, its values compared with their digest.
+    """Read one table of a mission, values and footer compared with their digests.
 
     Raises
     ------
     RunError
         If the file is missing, damaged or none of infoplan's.
     """
-    return _read(table_path(results_dir, table, run, seed))[0]
+    return _read(results_dir, table, run, seed)[0]
 
 
 def values_digest(table: pa.Table) -> str:
@@ -210,22 +260,45 @@ def values_digest(table: pa.Table) -> str:
     return hashed.hexdigest()
 
 
-def read_footer(path: Path) -> dict[str, Any]:
-    """Read the provenance of a table.
+def read_footer(path: Path) -> Footer:
+    """Read the provenance of a table; of its values nothing is looked at.
 
     Raises
     ------
     RunError
-        If the file is no table of infoplan's.
+        If the file is no table of infoplan's, or of another mission than its path says.
     """
-    try:
-        metadata = pq.read_schema(path).metadata or {}
-        document: dict[str, Any] = json.loads(metadata[FOOTER])
-    except (OSError, pa.ArrowException, KeyError, ValueError) as error:
-        raise RunError(
-            f"{path} is no readable table of infoplan's: delete it and run its configuration again"
-        ) from error
-    return document
+    with _broken(path), _opened(path) as file:
+        footer = _footer(file)
+        _demand_owner(footer, path)
+        return footer
+
+
+def open_table(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Table, Footer]:
+    """Read one table of a mission and its footer, checked but for the digest of the values.
+
+    Sizes are taken from the file's metadata before anything is unpacked.
+
+    Returns
+    -------
+    table : pyarrow.Table
+        Its columns have the types of `COLUMNS`, in whatever kindred type they are stored.
+    footer : Footer
+
+    Raises
+    ------
+    RunError
+        Names the file, and what is wrong with it.
+    """
+    path = table_path(results_dir, name, run, seed)
+    with _broken(path), _opened(path) as file:
+        footer = _footer(file)
+        _demand_owner(footer, path)
+        _demand_size(file.metadata, name, footer)
+        table = _canonical(file.read(use_threads=False), name)
+        if not pc.all(pc.equal(table["seed"], seed)).as_py():
+            raise MisfitError(f"it holds other rows than those of seed {seed}")
+    return table, footer
 
 
 def prepare(results_dir: Path) -> None:
@@ -245,9 +318,9 @@ def prepare(results_dir: Path) -> None:
     except OSError as error:
         with suppress(OSError):
             probe.unlink()
+        reason = os.strerror(error.errno or errno.EIO)
         raise UsageError(
-            f"results_dir={results_dir} cannot be written ({os.strerror(error.errno or errno.EIO)})"
-            ": name a folder with room that you may write to"
+            harmless(f"results_dir={results_dir} cannot be written ({reason}): {remedy(error)}")
         ) from error
     for leftover in scratch.iterdir():
         with suppress(OSError):  # another process may be quicker
@@ -270,10 +343,10 @@ def save_configuration(results_dir: Path, run: Run) -> bool:
     """
     path = configuration_path(results_dir, run.name)
     content = yaml.safe_dump(run.science, sort_keys=False).encode()
-    with suppress(OSError):
-        if path.read_bytes() == content:
+    with suppress(OSError, UsageError):
+        if read_regular(path, len(content)) == content:
             return False
-    there = path.exists()
+    there = os.path.lexists(path)
     _write(results_dir, path, content)
     return there
 
@@ -290,12 +363,13 @@ def save_mission(
     tables
         The three tables.
     footer
-        Provenance, stored as JSON in each table's Parquet metadata.
+        Provenance, stored as JSON in each table's Parquet metadata. What is left out of it is this
+        process, now.
 
     Raises
     ------
     RunError
-        If a file cannot be written.
+        If a file cannot be written, or would not be read again.
     """
     save_configuration(results_dir, run)
     document = {
@@ -305,6 +379,7 @@ def save_mission(
         "seed": seed,
         "terrain": {"name": run.terrain.name, "sha256": run.terrain.sha256},
         "configuration": run.science,
+        **_here_and_now(tables),
         **footer,
     }
     written: dict[Path, Path] = {}
@@ -312,12 +387,18 @@ def save_mission(
         for name in ("samples", "maps", "curves"):
             path = table_path(results_dir, name, run.name, seed)
             table: pa.Table = getattr(tables, name)
-            footer = {**document, "values_sha256": values_digest(table)}
-            table = table.replace_schema_metadata({FOOTER: json.dumps(footer).encode()})
+            text = sealed({**document, "values_sha256": values_digest(table)})
+            try:
+                read_document(text)
+            except MisfitError as error:
+                raise RunError(
+                    f"{run.name} seed {seed} would not be read again, {error}: it is not stored"
+                ) from error
+            table = table.replace_schema_metadata({FOOTER: text})
             scratch = written[path] = _scratch(results_dir)
-            with _told(path):
-                pq.write_table(table, scratch)
-                _flush(scratch)
+            with _told(path), scratch.open("wb") as stream:
+                pq.write_table(table, stream)
+                _flush(stream)
         for path, scratch in written.items():
             with _told(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -328,6 +409,26 @@ def save_mission(
                 scratch.unlink(missing_ok=True)
     with suppress(OSError):
         failure_path(results_dir, run.name, seed).unlink(missing_ok=True)
+
+
+def sealed(document: dict[str, Any]) -> bytes:
+    """Write a footer down, with the digest of it."""
+    return json.dumps({**document, "footer_sha256": footer_digest(document)}).encode()
+
+
+def _here_and_now(tables: MissionTables) -> dict[str, Any]:
+    """Give the provenance of a mission that has just been flown here."""
+    curves = tables.curves
+    parts = [name for name in curves.column_names if name.endswith("_seconds")]
+    seconds = sum(float(pc.sum(curves[name]).as_py()) for name in parts)
+    now = datetime.now(UTC)
+    return provenance() | {
+        "started": (now - timedelta(seconds=seconds)).isoformat(timespec="milliseconds"),
+        "ended": now.isoformat(timespec="milliseconds"),
+        "seconds": seconds,
+        "git": git_state(),
+        "command": sys.orig_argv,
+    }
 
 
 def save_failure(results_dir: Path, run: str, seed: int, text: str) -> Path:
@@ -343,49 +444,123 @@ def save_failure(results_dir: Path, run: str, seed: int, text: str) -> Path:
     return path
 
 
-def _read(path: Path) -> tuple[pa.Table, dict[str, Any]]:
+def _read(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Table, Footer]:
     """Read a table and its footer, and check its values."""
-    again = "run its configuration again"
-    try:
-        with pq.ParquetFile(path) as file:
-            table = file.read(use_threads=False)
-        digest_now = values_digest(table)
-    except FileNotFoundError as error:
-        raise RunError(f"{path} is missing: {again}") from error
-    except (OSError, pa.ArrowException, ValueError) as error:  # ValueError: mangled text
-        number = getattr(error, "errno", None)
-        reason = os.strerror(number) if number else "it is no whole Parquet file"
-        raise RunError(f"{path} cannot be read ({reason}): {again}") from error
-    try:
-        footer = json.loads((table.schema.metadata or {})[FOOTER])
-    except (KeyError, ValueError) as error:
-        raise RunError(f"{path} is no table of infoplan's: {again}") from error
-    if footer.get("values_sha256") != digest_now:
-        raise RunError(f"{path} does not hold the values that were written: {again}")
+    table, footer = open_table(results_dir, name, run, seed)
+    with _broken(table_path(results_dir, name, run, seed)):
+        if footer.values_sha256 != values_digest(table):
+            raise MisfitError("it does not hold the values that were written")
     return table, footer
 
 
-def _disagreement(name: str, table: pa.Table, footer: dict[str, Any], run: str, seed: int) -> str:
-    """Say what is wrong with a readable table; empty if nothing is."""
-    if footer.get("schema_version") != SCHEMA_VERSION:
-        return f"has schema version {footer.get('schema_version')} instead of {SCHEMA_VERSION}"
-    if (footer.get("run"), footer.get("seed")) != (run, seed):
-        return f"belongs to {footer.get('run')} seed {footer.get('seed')}"
-    if digest(footer.get("configuration", {})) != run.rsplit("-", 1)[-1]:
-        return "holds another configuration than its run's"
-    if absent := [column for column in COLUMNS[name] if column not in table.column_names]:
-        return f"has no column {absent[0]}"
-    if len(table) == 0 or set(table["seed"].to_numpy()) != {seed}:
-        return f"holds other rows than those of seed {seed}"
-    return ""
+@contextmanager
+def _broken(path: Path) -> Iterator[None]:
+    """Turn whatever is wrong with a table into one sentence about its file."""
+    again = "run its configuration again"
+    try:
+        yield
+    except FileNotFoundError as error:
+        if path.is_symlink():
+            raise RunError(harmless(f"{path} is a link to nowhere: {again}")) from error
+        raise RunError(harmless(f"{path} is missing: {again}")) from error
+    except UsageError as error:
+        # What stands in a table's place cannot be written over if it is a folder.
+        reason = str(error).removesuffix(": name a file").removeprefix(f"{path} ")
+        raise RunError(harmless(f"{path} {reason}: move it elsewhere and {again}")) from error
+    except MisfitError as error:
+        raise RunError(harmless(f"{path} is broken: {error}: {again}")) from error
+    except (
+        OSError, pa.ArrowException, ValueError, LookupError, OverflowError, MemoryError
+    ) as error:  # fmt: skip
+        number = getattr(error, "errno", None)
+        reason = os.strerror(number) if number else "it is no whole Parquet file"
+        raise RunError(harmless(f"{path} cannot be read ({reason}): {again}")) from error
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a table; given to Arrow as bytes, since it takes some paths for addresses."""
+    content = pa.BufferReader(read_regular(path, MAX_BYTES))
+    metadata = pq.read_metadata(content)
+    columns = [metadata.schema.column(i) for i in range(metadata.num_columns)]
+    # Texts are kept apart from the rows that repeat them, however often they do.
+    texts = [column.path for column in columns if column.physical_type == "BYTE_ARRAY"]
+    with pq.ParquetFile(content, metadata=metadata, read_dictionary=texts) as file:
+        yield file
+
+
+def _footer(file: pq.ParquetFile) -> Footer:
+    """Read the footer of an open table."""
+    metadata = file.metadata.metadata or {}
+    if FOOTER not in metadata:
+        raise MisfitError("it is no table of infoplan's")
+    try:
+        return read_document(metadata[FOOTER])
+    except MisfitError as error:
+        raise MisfitError(f"its footer does not fit, {error}") from error
+
+
+def _demand_owner(footer: Footer, path: Path) -> None:
+    """Check that a table is the one that its path says."""
+    run, seed = path.parent.name.removeprefix("run="), seed_of(path.stem)
+    if (footer.run, footer.seed) != (run, seed):
+        raise MisfitError(f"it belongs to {footer.run} seed {footer.seed}")
+
+
+def _demand_size(metadata: pq.FileMetaData, name: str, footer: Footer) -> None:
+    """Check by a file's metadata that it has no more than the mission can have left."""
+    science, rows = footer.configuration, metadata.num_rows
+    least, most = {
+        "curves": (1, science["budget"]),
+        "samples": (1, science["budget"]),
+        "maps": (math.prod(science["grid"]), math.prod(science["grid"])),
+    }[name]
+    if not least <= rows <= most:
+        raise MisfitError(f"it has {rows} rows, the configuration allows {least} to {most}")
+    if metadata.num_columns > MAX_COLUMNS:
+        raise MisfitError(f"it has {metadata.num_columns} columns, more than {MAX_COLUMNS}")
+    groups = range(min(metadata.num_row_groups, rows))
+    unpacked = sum(metadata.row_group(i).total_byte_size for i in groups)
+    if metadata.num_row_groups > rows or unpacked > metadata.num_columns * (rows * 16 + (1 << 16)):
+        raise MisfitError(f"it unpacks to {unpacked} bytes, far more than its rows take")
+
+
+def _canonical(table: pa.Table, name: str) -> pa.Table:
+    """Check the columns of a table, and give each the type that it was written with."""
+    if "run" in table.column_names:
+        raise MisfitError("it holds a column run, which is a partition and no column")
+    for column in COLUMNS[name]:
+        if (count := table.column_names.count(column)) != 1:
+            raise MisfitError(f"it has {count or 'no'} column{'s' * (count > 1)} {column}")
+    columns = {
+        column: _converted(column, table.column(i), COLUMNS[name].get(column))
+        for i, column in enumerate(table.column_names)
+    }
+    if len(columns) < table.num_columns:
+        raise MisfitError("it has two columns of one name")
+    return pa.table(columns)
+
+
+def _converted(name: str, column: pa.ChunkedArray, kind: str | None) -> pa.ChunkedArray:
+    """Give a column the type of its kind, that of its own kind if none is laid down."""
+    found = column.type
+    if pa.types.is_dictionary(found):
+        if any(chunk.dictionary.nbytes > MAX_DOCUMENT for chunk in column.chunks):
+            raise MisfitError(f"its column {name} holds texts of more than {MAX_DOCUMENT} bytes")
+        found = found.value_type
+    for known, wanted, is_known in TYPES:
+        if kind in (None, known) and is_known(found):
+            if column.null_count and name not in GAPS:
+                raise MisfitError(f"its column {name} has {column.null_count} missing values")
+            return column.cast(wanted)
+    raise MisfitError(f"its column {name} holds {found}, not {kind or 'plain values'}")
 
 
 def _listed(results_dir: Path, pattern: str, prefix: str) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for path in sorted(results_dir.glob(pattern)):
-        seed = path.stem.removeprefix("seed=")
-        if seed.isdigit():
-            found.setdefault(path.parent.name.removeprefix(prefix), []).append(int(seed))
+        if (seed := seed_of(path.stem)) is not None:
+            found.setdefault(path.parent.name.removeprefix(prefix), []).append(seed)
     return {run: sorted(seeds) for run, seeds in found.items()}
 
 
@@ -398,8 +573,9 @@ def _write(results_dir: Path, path: Path, content: bytes) -> None:
     try:
         with _told(path):
             scratch.parent.mkdir(parents=True, exist_ok=True)
-            scratch.write_bytes(content)
-            _flush(scratch)
+            with scratch.open("wb") as stream:
+                stream.write(content)
+                _flush(stream)
             path.parent.mkdir(parents=True, exist_ok=True)
             scratch.replace(path)
     finally:
@@ -407,9 +583,24 @@ def _write(results_dir: Path, path: Path, content: bytes) -> None:
             scratch.unlink(missing_ok=True)
 
 
-def _flush(path: Path) -> None:
-    with path.open("rb+") as stream:
-        os.fsync(stream.fileno())
+def _flush(stream: BinaryIO) -> None:
+    stream.flush()
+    os.fsync(stream.fileno())
+
+
+def remedy(error: OSError) -> str:
+    """Say what to do about a failure to write."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return "make room or name another results_dir"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return "name a results_dir that you may write to"
+    if error.errno in (errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ELOOP):
+        return "move what is in the way elsewhere or name another results_dir"
+    if error.errno == errno.ENAMETOOLONG:
+        return "name a shorter results_dir"
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "allow more open files (ulimit -n) or close some"
+    return "look after the disk or name another results_dir"
 
 
 @contextmanager
@@ -420,6 +611,8 @@ def _told(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
         raise RunError(
-            f"{path} could not be written ({reason}): make room or name another results_dir, "
-            "then run the same command again; what is finished is kept"
+            harmless(
+                f"{path} could not be written ({reason}): {remedy(error)}, then run the same "
+                "command again; what is finished is kept"
+            )
         ) from error

@@ -6,7 +6,6 @@ samples for the outlier density. Its actions are drawn at random among those tha
 """
 
 import copy
-import json
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -17,8 +16,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
+from made_tables import PROVENANCE
 
-RUN = "puct-copod-hills-rho0.15-batch-0123abcd"
+from infoplan.study.identity import run_name
+from infoplan.study.store import sealed, values_digest
+
 SEED = 3
 
 CONFIGURATION: dict[str, Any] = {
@@ -33,9 +35,14 @@ CONFIGURATION: dict[str, Any] = {
     },
     "detector": {"name": "copod", "scope": "batch", "contamination": 0.1, "score": "pyod"},
     "terrain": {
-        "name": "hills",
+        "name": "file-hills",
         "extent": [-2.0, 18.0, 1.0, 13.0],
         "unit": "m",
+        "orientation": 0,
+        "array": None,
+        "nodata": "refuse",
+        "shape": None,
+        "crop": None,
         "sha256": "0" * 64,
     },
     "model": {
@@ -70,10 +77,14 @@ CONFIGURATION: dict[str, Any] = {
     "numerics_version": 1,
 }
 
+RUN = run_name(CONFIGURATION)
+
 
 def with_options(**options: Any) -> dict[str, Any]:
     """Copy the configuration with some options set; a double underscore stands for the dot."""
     configuration = copy.deepcopy(CONFIGURATION)
+    if options.get("detector__name", "copod") != "copod":
+        configuration["detector"] = {"name": options["detector__name"], "scope": "batch"}
     for name, value in options.items():
         *groups, key = name.split("__")
         place = configuration
@@ -327,21 +338,31 @@ def store(
     folder: Path,
     configuration: dict[str, Any],
     tables: dict[str, pd.DataFrame],
-    run: str = RUN,
     seed: int = SEED,
     footer: dict[str, Any] | None = None,
-) -> None:
-    """Write a mission in the layout of the result tables."""
-    document = {"configuration": configuration, "run": run, "seed": seed, **(footer or {})}
+) -> str:
+    """Write a mission in the layout of the result tables, digests and all; returns its run."""
+    run = run_name(configuration)
     (folder / "runs").mkdir(parents=True, exist_ok=True)
     (folder / "runs" / f"{run}.yaml").write_text(yaml.safe_dump(configuration))
     for name, frame in tables.items():
         # Column by column: a whole frame would turn NaN into missing values.
         table = pa.table({column: pa.array(frame[column].to_numpy()) for column in frame})
-        table = table.replace_schema_metadata({"infoplan": json.dumps(document)})
+        document = {
+            "schema_version": 1,
+            "mission": f"{run} {seed}",
+            "configuration": configuration,
+            "run": run,
+            "seed": seed,
+            "terrain": {key: configuration["terrain"][key] for key in ("name", "sha256")},
+            **PROVENANCE,
+            "values_sha256": values_digest(table),
+            **(footer or {}),
+        }
         path = table_path(folder, name, run, seed)
         path.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(table, path)
+        pq.write_table(table.replace_schema_metadata({"infoplan": sealed(document)}), path)
+    return run
 
 
 def table_path(folder: Path, name: str, run: str = RUN, seed: int = SEED) -> Path:

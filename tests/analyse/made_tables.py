@@ -1,9 +1,7 @@
 """Made-up missions of any numbers, stored in the layout of the result tables."""
 
-import hashlib
-import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +9,31 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from infoplan.config import CopodConfig, DetectorConfig, MissionConfig
-from infoplan.study.store import COLUMNS, values_digest
+from infoplan.config import (
+    METHODS,
+    TERRAIN_SCHEMAS,
+    MissionConfig,
+    terrain_kind,
+)
+from infoplan.study.identity import run_name
+from infoplan.study.store import sealed, values_digest
+from infoplan.tables import COLUMNS
+
+TYPES = {"text": pa.string(), "integer": pa.int64(), "double": pa.float64(), "boolean": pa.bool_()}
+
+PROVENANCE: dict[str, Any] = {
+    "started": "2030-01-02T03:04:05.000+00:00",
+    "ended": "2030-01-02T03:05:05.000+00:00",
+    "seconds": 60.0,
+    "python": "3.11.7",
+    "libraries": {"numpy": "2.0.0"},
+    "cpu": "a processor",
+    "platform": "a system",
+    "blas": [],
+    "git": None,
+    "command": ["infoplan", "run"],
+}
+"""Where and when missions were made up."""
 
 SIDE = 26
 """Nodes of the made-up query grid along a side of the workspace, 50 units."""
@@ -62,10 +83,9 @@ def store(
         Options of the configuration; a double underscore stands for the dot.
     """
     configuration = configured(method, rho, scope, terrain, int(collected[-1]), options)
-    digest = hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()[:8]
     planner, detector = method.split("-")
     scope = configuration["detector"]["scope"]
-    run = f"{planner}-{detector}-{terrain}-rho{rho:g}-{scope}-{digest}"
+    run = run_name(configuration)
     rows = len(collected)
     tp, fp, fn, tn = np.array(counts or [(0, 0, 0, 0)] * rows).T
     curve = {
@@ -100,19 +120,22 @@ def store(
         "mission": f"{run} {seed}",
         "run": run,
         "seed": seed,
-        "terrain": {"name": terrain, "sha256": "0" * 64},
+        "terrain": {name: configuration["terrain"][name] for name in ("name", "sha256")},
         "configuration": configuration,
-        "started": "2030-01-02T03:04:05.000+00:00",
-        "ended": "2030-01-02T03:04:06.000+00:00",
-        "seconds": 1.0,
+        **PROVENANCE,
     }
     for name, columns in tables.items():
-        rest = {key: [0.0] * len(columns["seed"]) for key in COLUMNS[name] if key not in columns}
-        table = pa.table({key: pa.array(values) for key, values in (columns | rest).items()})
+        n = len(columns["seed"])
+        table = pa.table(
+            {
+                column: pa.array(columns.get(column, np.zeros(n)), TYPES[kind], safe=False)
+                for column, kind in COLUMNS[name].items()
+            }
+        )
         footer["values_sha256"] = values_digest(table)
         path = folder / name / f"run={run}" / f"seed={seed}.parquet"
         path.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(table.replace_schema_metadata({"infoplan": json.dumps(footer)}), path)
+        pq.write_table(table.replace_schema_metadata({"infoplan": sealed(footer)}), path)
     return run
 
 
@@ -122,16 +145,16 @@ def configured(
     """Return the nested configuration of a run."""
     planner, detector = method.split("-")
     config = MissionConfig(rho=rho, budget=budget, grid=[SIDE, SIDE])
-    config.detector = CopodConfig() if detector == "copod" else DetectorConfig(name=detector)
+    config.planner, config.detector = METHODS["planner"][planner], METHODS["detector"][detector]
     configuration = asdict(config)
     configuration["planner"]["name"] = planner
     configuration["detector"]["scope"] = "batch" if detector in ("none", "best") else scope
+    schema = TERRAIN_SCHEMAS[terrain_kind(terrain)]
     configuration["terrain"] = {
-        "name": terrain,
-        "extent": [0.0, 50.0, 0.0, 50.0],
-        "unit": "ft",
-        "sha256": "0" * 64,
-    }
+        item.name: getattr(schema(), item.name)
+        for item in fields(schema)
+        if item.metadata["science"]
+    } | {"name": terrain, "unit": "ft", "sha256": "0" * 64}
     configuration["numerics_version"] = options.pop("numerics_version", 1)
     for name, value in options.items():
         *groups, key = name.split("__")

@@ -15,7 +15,7 @@ from scipy.stats import bootstrap
 from infoplan.analyse.leaderboard import rank
 from infoplan.cli import main
 from infoplan.errors import UsageError
-from infoplan.study.store import values_digest
+from infoplan.study.store import sealed, values_digest
 
 COLLECTED = [100, 130, 290, 600]
 METHODS = ("uct-none", "uct-copod", "puct-copod")
@@ -83,7 +83,7 @@ def test_each_map_has_its_own_deviation(tmp_path):
         changed = table.set_column(column, "truth", [taller])
         footer = json.loads(table.schema.metadata[b"infoplan"])
         footer["values_sha256"] = values_digest(changed)
-        pq.write_table(changed.replace_schema_metadata({"infoplan": json.dumps(footer)}), path)
+        pq.write_table(changed.replace_schema_metadata({"infoplan": sealed(footer)}), path)
     for standing, method in zip(rank(tmp_path).standings, METHODS[::-1], strict=True):
         low = np.mean([area(method, "helens", rho, 0) for rho in RHOS])
         high = np.mean([area(method, "volcano", rho, 0, 400) for rho in RHOS])
@@ -153,6 +153,13 @@ def test_replays_are_nobodys_method(tmp_path):
     for rho in RHOS:
         store(tmp_path, "greedy-copod", rho, collected=COLLECTED, replay="uct-copod-...-01234567")
     assert len(rank(tmp_path).standings) == 3
+
+
+def test_replays_alone_are_nothing_to_rank(tmp_path):
+    for method in ("uct-none", "uct-copod"):
+        store(tmp_path, method, collected=COLLECTED, replay="uct-best-helens-rho0-batch-01234567")
+    with pytest.raises(UsageError, match="holds no finished mission"):
+        rank(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,11 @@ import json
 
 import pyarrow.parquet as pq
 import pytest
-from studies import curves, quick, study
+from studies import quick, study
 
 from infoplan.study.provenance import provenance
 from infoplan.study.runner import differences
+from infoplan.study.store import sealed
 from infoplan.threads import look_again, one_thread
 
 
@@ -35,11 +36,10 @@ def test_differences_name_what_decides_the_last_digits():
 def test_a_resume_across_machines_warns_once(elsewhere, tmp_path):
     study(quick(), tmp_path, seeds=2, backend="sequential")
     if elsewhere:
-        for path in curves(tmp_path):
+        for path in tmp_path.rglob("seed=*.parquet"):
             table = pq.read_table(path, partitioning=None)
             footer = json.loads(table.schema.metadata[b"infoplan"])
-            footer["cpu"] = "a Cray-1"
-            metadata = {b"infoplan": json.dumps(footer).encode()}
+            metadata = {b"infoplan": sealed({**footer, "cpu": "a Cray-1"})}
             pq.write_table(table.replace_schema_metadata(metadata), path)
     done, said = study(quick(), tmp_path, seeds=4, backend="sequential")
     assert (done.kept, done.computed) == (2, 2)

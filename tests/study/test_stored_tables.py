@@ -62,21 +62,21 @@ def test_tables_have_the_documented_columns_and_footers(sound):
         for table, columns in COLUMNS.items():
             for seed in seeds:
                 path = table_path(folder, table, run, seed)
-                assert tuple(pq.read_schema(path).names) == columns
+                assert pq.read_schema(path).names == list(columns)
                 footer = read_footer(path)
-                assert footer["configuration"] == written
-                assert (footer["run"], footer["seed"]) == (run, seed)
-                assert footer["started"] < footer["ended"]
-                assert footer["seconds"] > 0
-                assert footer["terrain"]["name"] == "volcano"
-                assert len(footer["terrain"]["sha256"]) == 64
-                assert footer["command"] == sys.orig_argv
-                assert {"numpy", "scipy", "numba", "infoplan"} <= set(footer["libraries"])
-                assert all(blas["num_threads"] == 1 for blas in footer["blas"])
-                assert footer["blas"]
-                assert footer["python"]
-                assert footer["cpu"]
-                assert set(footer["git"]) == {"commit", "dirty"}
+                assert footer.configuration == written
+                assert (footer.run, footer.seed) == (run, seed)
+                assert footer.started < footer.ended
+                assert footer.seconds > 0
+                assert footer.terrain["name"] == "volcano"
+                assert len(footer.terrain["sha256"]) == 64
+                assert footer.command == sys.orig_argv
+                assert {"numpy", "scipy", "numba", "infoplan"} <= set(footer.libraries)
+                assert all(blas["num_threads"] == 1 for blas in footer.blas)
+                assert footer.blas
+                assert footer.python
+                assert footer.cpu
+                assert set(footer.git) == {"commit", "dirty"}
 
 
 def test_other_tools_read_the_curves_as_one_table(sound):

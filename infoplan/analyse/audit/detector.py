@@ -5,17 +5,24 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter
 
 from infoplan.analyse.audit import repeat
-from infoplan.analyse.audit.model import kernel, noise_factor, scaled_samples
+from infoplan.analyse.audit.model import kernel, noise_factor, scaled_samples, spans
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
     FaultError,
     Floats,
+    Partial,
     StoredMission,
     demand,
     demand_close,
 )
 from infoplan.backend import load_matplotlib
+
+LARGEST_PARAMETER = 100_000
+"""Numbers in the parameters of a detector of PyOD above which it is not repeated."""
+
+LARGEST_FILTER = 1e10
+"""Multiplications for smoothing the outlier matrix above which it is not repeated."""
 
 REPLAYED_PRECISION = 1e-6
 """Relative difference allowed to a score that comes from a solve with the model's covariance."""
@@ -32,7 +39,7 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
         by historical only. None where a detector that cannot be repeated has judged since; what
         it said at last is taken from the table.
     """
-    if not _is_repeatable(mission):
+    if _unrepeatable(mission):
         return _stored_judgements(mission)
     historical = mission.option("detector.scope") == "historical"
     scores, flags = np.full(mission.n_pilot, np.nan), np.zeros(mission.n_pilot, dtype=bool)
@@ -48,10 +55,28 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     return judgements
 
 
-def _is_repeatable(mission: StoredMission) -> bool:
-    """Tell whether the detector can be repeated: not if it is, or needs, the user's own code."""
-    needs_model = mission.option("detector.name") == "gp_residual"
-    return not (mission.is_own("detector") or (needs_model and mission.is_own("model")))
+def _unrepeatable(mission: StoredMission) -> str:
+    """Say why the detector cannot be repeated, as when it is the user's own; empty if it can."""
+    name = str(mission.option("detector.name"))
+    if mission.is_own("detector"):
+        return "the detector is the user's own"
+    if name == "gp_residual" and mission.is_own("model"):
+        return "the detector asks the model, which is the user's own"
+    if name.startswith("pyod_") and not _is_tame(mission):
+        return "the detector of PyOD might load or fetch something, or take for ever"
+    return ""
+
+
+def _is_tame(mission: StoredMission) -> bool:
+    """Tell whether a detector of PyOD does nothing but compute, for all that its options say."""
+    if "Embedding" in str(mission.option("detector.model")):
+        return False
+    return all(
+        value is None
+        or (isinstance(value, int | float) and abs(value) <= LARGEST_PARAMETER)
+        or (isinstance(value, str) and value.isidentifier())
+        for value in mission.option("detector.params").values()
+    )
 
 
 def _judge(
@@ -135,10 +160,10 @@ def _copod(mission: StoredMission, measured: Floats) -> tuple[Floats, Booleans]:
     return scores, scores > np.percentile(scores, 100 * (1 - contamination))
 
 
-def check_scores(mission: StoredMission) -> str:
+def check_scores(mission: StoredMission) -> str | Partial:
     """Check that the detector's scores are PyOD's, or those of its formula."""
-    if not _is_repeatable(mission):
-        return ""
+    if why := _unrepeatable(mission):
+        return Partial("", f"the scores: {why}")
     judgement = mission.judgements[-1]
     assert judgement is not None
     expected, _ = judgement
@@ -169,35 +194,47 @@ def check_flags(mission: StoredMission) -> str:
     return f"{flagged.sum()} of {len(flagged)} samples are flagged"
 
 
-def check_confusion(mission: StoredMission) -> str:
+def check_confusion(mission: StoredMission) -> str | Partial:
     """Check that confusion counts and accepted samples of every epoch follow from the flags."""
-    outlier = mission.samples["is_outlier"].to_numpy()
+    outlier, unknown = mission.samples["is_outlier"].to_numpy(), []
+    historical = mission.option("detector.scope") == "historical"
     for e, judgement in enumerate(mission.judgements):
-        if judgement is None:
-            continue
-        _, flags = judgement
-        judged = mission.epoch[: len(flags)] == e
-        if mission.option("detector.scope") == "historical":
-            judged[:] = True
+        n = int(np.sum(mission.epoch <= e))
+        judged = (mission.epoch[:n] == e) | historical
         if e == 0:
             judged[:] = False
-        expected = {
-            "accepted": int(np.sum(~flags)),
-            "tp": int(np.sum(judged & flags & outlier[: len(flags)])),
-            "fp": int(np.sum(judged & flags & ~outlier[: len(flags)])),
-            "fn": int(np.sum(judged & ~flags & outlier[: len(flags)])),
-            "tn": int(np.sum(judged & ~flags & ~outlier[: len(flags)])),
-        }
+        spiked, stored = outlier[:n], mission.curves.iloc[e]
+        if judgement is None:
+            # Whatever was flagged, spikes and others add up.
+            unknown.append(e)
+            flagged = stored["tp"] + stored["fp"]
+            expected = {
+                "tp": int(np.sum(judged & spiked)) - stored["fn"],
+                "fp": int(np.sum(judged & ~spiked)) - stored["tn"],
+                "accepted": n - flagged if historical else stored["accepted"],
+            }
+            if min(stored[["tp", "fp", "fn", "tn"]]) < 0:
+                raise FaultError(f"epoch {e} has a negative count")
+        else:
+            _, flags = judgement
+            expected = {
+                "accepted": int(np.sum(~flags)),
+                "tp": int(np.sum(judged & flags & spiked)),
+                "fp": int(np.sum(judged & flags & ~spiked)),
+                "fn": int(np.sum(judged & ~flags & spiked)),
+                "tn": int(np.sum(judged & ~flags & ~spiked)),
+            }
         for column, count in expected.items():
-            if mission.curves[column][e] != count:
-                raise FaultError(
-                    f"epoch {e} has {column} {mission.curves[column][e]}, recounted {count}"
-                )
+            if stored[column] != count:
+                raise FaultError(f"epoch {e} has {column} {stored[column]}, recounted {count}")
     counts = [f"{column} {mission.curves[column].sum()}" for column in ("tp", "fp", "fn", "tn")]
-    return f"{len(mission.curves)} epochs recounted, sums {', '.join(counts)}"
+    detail = f"{len(mission.curves)} epochs recounted, sums {', '.join(counts)}"
+    if unknown:
+        return Partial(detail, f"flags of epochs {spans(unknown)}: their counts only add up")
+    return detail
 
 
-def check_density(mission: StoredMission) -> str:
+def check_density(mission: StoredMission) -> str | Partial:
     """Check that the outlier density is the smoothed count of flagged samples by nearest node."""
     rows, columns = (int(nodes) for nodes in mission.option("grid"))
     xmin, xmax, ymin, ymax = mission.extent
@@ -209,6 +246,8 @@ def check_density(mission: StoredMission) -> str:
         row, column = np.clip(nearest, 0, last)
         counts[row, column] += 1
     sigma = float(mission.option("planner.smoothing")) * last / extent
+    if 8 * float(sigma.sum()) * counts.size > LARGEST_FILTER:
+        return Partial("", "the outlier density: planner.smoothing is so wide that it takes long")
     expected = gaussian_filter(counts, sigma, mode="nearest").ravel()
     found = mission.maps["outlier_density"].to_numpy()
     allowed = ROUNDING * max(1.0, float(counts.max()))

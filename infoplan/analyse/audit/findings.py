@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.text import Text
@@ -20,6 +21,7 @@ from infoplan.analyse.audit.model import (
     check_final_model,
     check_final_scores,
     check_hyperparameters,
+    spans,
 )
 from infoplan.analyse.audit.robot import (
     check_actions,
@@ -35,11 +37,26 @@ from infoplan.analyse.audit.sensing import (
     check_spike_size,
     check_truth,
 )
-from infoplan.analyse.audit.stored import FaultError, StoredMission, read_mission, stored_missions
-from infoplan.analyse.audit.tables import check_configuration, check_grid, check_rows, check_values
+from infoplan.analyse.audit.stored import (
+    Epochs,
+    FaultError,
+    Partial,
+    StoredMission,
+    read_mission,
+)
+from infoplan.analyse.audit.tables import (
+    check_bounds,
+    check_configuration,
+    check_digests,
+    check_grid,
+    check_rows,
+    check_times,
+    check_values,
+)
 from infoplan.draw.table_layout import UNLIMITED, wrapped
 from infoplan.errors import UsageError
 from infoplan.study.run_names import choose_run
+from infoplan.study.store import list_missions
 from infoplan.wording import counted, encodable, harmless
 
 NARROW = 30
@@ -48,10 +65,13 @@ NARROW = 30
 BELOW = "      "
 """Before details that stand below their check."""
 
-CHECKS: dict[str, Callable[[StoredMission], str]] = {
+CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
+    "digests": check_digests,
     "values": check_values,
     "rows": check_rows,
     "configuration": check_configuration,
+    "times": check_times,
+    "bounds": check_bounds,
     "grid": check_grid,
     "pilot": check_pilot,
     "steps": check_steps,
@@ -72,7 +92,7 @@ CHECKS: dict[str, Callable[[StoredMission], str]] = {
     "final model": check_final_model,
     "earlier models": check_earlier_models,
 }
-"""Checks by name, in order; one that does not apply returns an empty sentence."""
+"""Checks by name, in order."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +109,9 @@ class Finding:
         Whether the tables agree with what was recomputed.
     detail
         One short sentence with numbers; on failure it names the first offending sample or epoch,
-        samples counted from 0 in order of collection.
+        samples counted from 0 in order of collection. Empty where nothing could be recomputed.
+    omitted
+        What was not recomputed, and why; empty if nothing was left out.
     """
 
     run: str
@@ -97,6 +119,7 @@ class Finding:
     check: str
     holds: bool
     detail: str
+    omitted: str = ""
 
 
 def audit(
@@ -104,6 +127,7 @@ def audit(
     run: str | None = None,
     seeds: list[int] | None = None,
     terrains: Mapping[str, NDArray[Any]] | None = None,
+    epochs: Any = None,
 ) -> Iterator[Finding]:
     """Recompute all stored missions, or some of them.
 
@@ -118,6 +142,9 @@ def audit(
     terrains
         Elevations by the digest of the terrain, each of shape (R, C); only a run whose terrain is
         among them has its truth checked.
+    epochs
+        Whose models are fitted again, besides the last: ``all`` (or None), a number of them, evenly
+        spread, or a list.
 
     Returns
     -------
@@ -127,9 +154,11 @@ def audit(
     Raises
     ------
     UsageError
-        If nothing of what is asked for is stored.
+        If nothing of what is asked for is stored, or `epochs` is none of these.
     """
-    stored = stored_missions(results_dir)
+    chosen = _epochs(epochs)
+    listed = list_missions(results_dir)
+    stored = sorted((name, seed) for name, found in listed.items() for seed in found)
     if not stored:
         raise UsageError(
             f"results_dir={results_dir} holds no finished mission to audit: fly one with "
@@ -151,7 +180,7 @@ def audit(
     return (
         finding
         for name, seed in stored
-        for finding in audit_mission(results_dir, name, seed, terrains=terrains)
+        for finding in audit_mission(results_dir, name, seed, terrains, chosen)
     )
 
 
@@ -160,6 +189,7 @@ def audit_mission(
     run: str,
     seed: int,
     terrains: Mapping[str, NDArray[Any]] | None = None,
+    epochs: Epochs = None,
 ) -> list[Finding]:
     """Recompute one stored mission.
 
@@ -169,6 +199,8 @@ def audit_mission(
         Where, and which.
     terrains
         Elevations by the terrain's digest, as in `audit`.
+    epochs
+        A number, a list, or None for all, as in `audit`.
 
     Returns
     -------
@@ -177,22 +209,48 @@ def audit_mission(
         the only one.
     """
     try:
-        mission = read_mission(results_dir, run, seed, terrains or {})
+        mission = read_mission(results_dir, run, seed, terrains or {}, epochs)
     except FaultError as fault:
-        return [Finding(run, seed, "files", False, str(fault))]
+        return [Finding(run, seed, "files", False, _line(str(fault)))]
     columns = sum(len(table.columns) for table in (mission.curves, mission.samples, mission.maps))
     findings = [Finding(run, seed, "files", True, f"3 tables with {columns} columns and a YAML")]
     for name, check in CHECKS.items():
+        holds, omitted = True, ""
         try:
-            detail, holds = check(mission), True
+            with np.errstate(all="ignore"):  # a check that fails says so itself
+                told = check(mission)
+            detail, omitted = (told, "") if isinstance(told, str) else (told.detail, told.omitted)
         except FaultError as fault:
             detail, holds = str(fault), False
-        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        except (ArithmeticError, LookupError, MemoryError, TypeError, ValueError) as error:
             # The tables are so far off that the recomputation itself breaks.
             detail, holds = f"cannot be recomputed ({type(error).__name__}: {error})", False
-        if detail:
-            findings.append(Finding(run, seed, name, holds, " ".join(detail.split())))
+        findings.append(Finding(run, seed, name, holds, _line(detail), _line(omitted)))
     return findings
+
+
+def _line(text: str) -> str:
+    return harmless(" ".join(text.split()))
+
+
+def _epochs(chosen: Any) -> Epochs:
+    """Read which epochs are to be recomputed."""
+    if chosen is None or chosen == "all":
+        return None
+    whole = [chosen] if isinstance(chosen, int) else chosen
+    if (
+        not isinstance(whole, list)
+        or any(
+            isinstance(epoch, bool) or not isinstance(epoch, int) or epoch < 0 for epoch in whole
+        )
+        or chosen == 0
+    ):
+        raise UsageError(
+            f"epochs={chosen} chooses nothing: use all, a number of epochs of at least 1, or a list"
+            " of them such as [0,5,9]"
+        )
+    found: Epochs = chosen
+    return found
 
 
 def render(findings: Iterable[Finding], width: int = UNLIMITED) -> str:
@@ -209,8 +267,9 @@ def render(findings: Iterable[Finding], width: int = UNLIMITED) -> str:
     Returns
     -------
     str
-        A line a run and check: ``holds`` or ``FAILS``, how many missions do, and the detail of
-        each that fails, or of the only one there is; the last line counts everything.
+        A line a run and check: ``holds``, ``FAILS`` or ``-`` where nothing could be recomputed, how
+        many missions do, and the detail of each that fails, or of the only one there is; then what
+        was not recomputed. The last line counts everything.
     """
     everything = list(findings)
     lines = []
@@ -223,7 +282,9 @@ def render(findings: Iterable[Finding], width: int = UNLIMITED) -> str:
         lines.append("")
     failed = sum(not finding.holds for finding in everything)
     missions = counted(len({(finding.run, finding.seed) for finding in everything}), "mission")
+    partial = sum(bool(finding.omitted) for finding in everything)
     verdict = f"{failed} FAIL" if failed else "all hold"
+    verdict += f", {partial} in part" if partial else ""
     lines += wrapped(f"{missions}, {counted(len(everything), 'check')}: {verdict}", width)
     return "\n".join(lines)
 
@@ -238,11 +299,17 @@ def _render_check(findings: list[Finding], width: int) -> list[str]:
     """Lines of one check of one run."""
     failed = [finding for finding in findings if not finding.holds]
     count = f"{len(failed) or len(findings)} of {len(findings)}"
-    head = f"  {harmless(findings[0].check):<17} {'FAILS' if failed else 'holds'} {count:>9}"
+    made = failed or any(finding.detail for finding in findings)
+    verdict = "FAILS" if failed else "holds" if made else "-"
+    head = f"  {harmless(findings[0].check):<17} {verdict:<5} {count:>9}"
     if failed:
         details = [f"seed {finding.seed}: {harmless(finding.detail)}" for finding in failed]
     else:
         details = [harmless(findings[0].detail)] if len(findings) == 1 else []
+    for omitted in dict.fromkeys(finding.omitted for finding in findings if finding.omitted):
+        seeds = [finding.seed for finding in findings if finding.omitted == omitted]
+        whose = f" (seeds {spans(seeds)})" if len(seeds) < len(findings) else ""
+        details = [*filter(None, details), f"not recomputed: {harmless(omitted)}{whose}"]
     margin = len(head) + 2
     if width - margin < NARROW:
         below = [wrapped(f"{BELOW}{detail}", width, BELOW) for detail in details]

@@ -1,5 +1,6 @@
 """Checks of what the model predicts: hyperparameters, scores, the final and earlier models."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ from infoplan.analyse.audit import repeat
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
+    Epochs,
     FaultError,
     Floats,
+    Partial,
     StoredMission,
     demand,
     demand_close,
@@ -23,16 +26,16 @@ from infoplan.analyse.audit.stored import (
 PRECISION = {"float64": 1e-6, "float32": 3e-3}
 """Relative difference allowed to a prediction, by the precision of the model's matrices."""
 
-EARLIER_ROWS = 3
-"""Rows of the curve before the last whose model is fitted again."""
+OWN = "the model, which is the user's own"
+"""What is not recomputed of a model that would have to be called."""
 
 NORMAL_95 = 1.959964
 
 
-def check_hyperparameters(mission: StoredMission) -> str:
+def check_hyperparameters(mission: StoredMission) -> str | Partial:
     """Check that hyperparameters keep their floors, and stay where nothing is learned."""
     if mission.is_own("model"):
-        return ""
+        return Partial("", OWN)
     curves = mission.curves
     floor = float(mission.option("model.min_noise_variance"))
     names = ["amplitude", "lengthscale_1", "lengthscale_2", "noise_std"]
@@ -219,13 +222,13 @@ def check_final_scores(mission: StoredMission) -> str:
     return f"RMSE {mission.curves['rmse'][last]:.6g} follows from the map"
 
 
-def check_final_model(mission: StoredMission) -> str:
+def check_final_model(mission: StoredMission) -> str | Partial:
     """Check that scikit-learn, given the samples in use, predicts the stored map and last row.
 
     Student-t noise, which it has not, is recomputed step by step.
     """
     if mission.is_own("model"):
-        return ""
+        return Partial("", OWN)
     last = len(mission.curves) - 1
     used = mission.samples["used"].to_numpy()
     mean, std, tolerance = _compare_row(mission, last, used)
@@ -237,13 +240,36 @@ def check_final_model(mission: StoredMission) -> str:
     return f"{used.sum()} samples: {', '.join(parts)}"
 
 
-def check_earlier_models(mission: StoredMission) -> str:
+def check_earlier_models(mission: StoredMission) -> str | Partial:
     """Check that scikit-learn, given what was in use by then, gives earlier rows of the curve."""
-    if mission.is_own("model") or mission.option("model.name") == "student_t":
-        return ""  # no map of then is stored, from which to find the same mode
     last = len(mission.curves) - 1
-    rows = sorted({last * i // EARLIER_ROWS for i in range(EARLIER_ROWS)} - {last})
-    known = {row: judgement for row in rows if (judgement := mission.judgements[row]) is not None}
+    if mission.is_own("model"):
+        return Partial("", f"epochs {spans(range(last))}: {OWN}")
+    if mission.option("model.name") == "student_t":
+        # No map of then is stored, from which to find the same mode.
+        return Partial("", f"epochs {spans(range(last))}: which mode was found is not stored")
+    chosen = _chosen(mission.epochs, last)
+    known = {row: judgement for row in chosen if (judgement := mission.judgements[row]) is not None}
     for row, (_, flags) in known.items():
         _compare_row(mission, row, ~flags)
-    return f"epochs {', '.join(map(str, known)) or 'none'} give their rows"
+    detail = f"epochs {spans(known)} give their rows" if known else ""
+    omitted = [row for row in range(last) if row not in known]
+    return Partial(detail, f"epochs {spans(omitted)}") if omitted else detail
+
+
+def _chosen(epochs: Epochs, last: int) -> list[int]:
+    """List the epochs before the last that are to be recomputed."""
+    if epochs is None:
+        return list(range(last))
+    if isinstance(epochs, int):
+        return sorted({last * i // epochs for i in range(epochs)})
+    return [row for row in range(last) if row in epochs]
+
+
+def spans(numbers: Iterable[int]) -> str:
+    """Write numbers shortly, runs of them as ``0-9``."""
+    listed = sorted(numbers)
+    starts = [n for n in listed if n - 1 not in listed]
+    ends = [n for n in listed if n + 1 not in listed]
+    pairs = zip(starts, ends, strict=True)
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in pairs)

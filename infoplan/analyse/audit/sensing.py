@@ -12,17 +12,23 @@ from infoplan.analyse.audit.stored import (
     ROUNDING,
     SIGMAS,
     FaultError,
+    Partial,
     StoredMission,
     demand,
     demand_close,
 )
+from infoplan.config import terrain_kind
 
 
-def check_truth(mission: StoredMission) -> str:
+def check_truth(mission: StoredMission) -> str | Partial:
     """Check that the truth of samples and map is the bilinear terrain, if the terrain is given."""
     terrain = mission.terrains.get(mission.option("terrain.sha256"))
     if terrain is None:
-        return ""
+        name = mission.option("terrain.name")
+        why = "is not to be had here"
+        if terrain_kind(name) == "own":
+            why = "is made by a function, and none that a results folder names is called"
+        return Partial("", f"the truth, taken from the tables: the map {name} {why}")
     xmin, xmax, ymin, ymax = mission.extent
     rows, columns = terrain.shape
     axes = (np.linspace(ymin, ymax, rows), np.linspace(xmin, xmax, columns))

@@ -1,6 +1,5 @@
 """A stored mission as a stranger reads it, and how a check says that something is wrong."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,37 +8,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
-import yaml
 from numpy.typing import NDArray
+
+from infoplan.errors import RunError
+from infoplan.study.records import Footer, MisfitError, read_science
+from infoplan.study.store import configuration_path, open_table, values_digest
+from infoplan.tables import COLUMNS
 
 Floats = NDArray[np.float64]
 
 Booleans = NDArray[np.bool_]
-
-COLUMNS: dict[str, dict[str, str]] = {
-    "curves": {
-        **dict.fromkeys(["planner", "detector", "scope", "terrain"], "text"),
-        **dict.fromkeys(["seed", "epoch", "collected", "accepted"], "integer"),
-        **dict.fromkeys(["tp", "fp", "fn", "tn"], "integer"),
-        **dict.fromkeys(["rho", "rmse", "mae", "nlpd", "coverage95", "lml"], "double"),
-        **dict.fromkeys(["amplitude", "lengthscale_1", "lengthscale_2"], "double"),
-        **dict.fromkeys(["noise_std", "jitter"], "double"),
-        **dict.fromkeys(["plan_seconds", "fit_seconds"], "double"),
-        **dict.fromkeys(["predict_seconds", "detect_seconds"], "double"),
-    },
-    "samples": {
-        **dict.fromkeys(["seed", "epoch"], "integer"),
-        **dict.fromkeys(["x1", "x2", "heading", "truth", "measured", "score"], "double"),
-        **dict.fromkeys(["is_outlier", "flagged", "used"], "boolean"),
-    },
-    "maps": {
-        "seed": "integer",
-        **dict.fromkeys(["x1", "x2", "truth", "mean", "std", "outlier_density"], "double"),
-    },
-}
-"""Columns that every table must have, and what they hold; more may follow."""
 
 CHANCE = 1e-6
 """How rarely an honest mission may fail a test of randomness."""
@@ -56,6 +34,18 @@ OF_THE_MODEL = (
 """Columns of the curve that a model of the user's own need not have."""
 
 
+Epochs = int | list[int] | None
+"""Which epochs' models are recomputed: a number, evenly spread, a list, or all."""
+
+
+@dataclass(frozen=True)
+class Partial:
+    """What a check tells that has not recomputed all: what it has, and what not, and why."""
+
+    detail: str
+    omitted: str
+
+
 class FaultError(Exception):
     """A check fails; the message is the finding's detail."""
 
@@ -68,10 +58,12 @@ class StoredMission:
     curves: pd.DataFrame
     samples: pd.DataFrame
     maps: pd.DataFrame
-    footers: dict[str, dict[str, Any]]
+    footers: dict[str, Footer]
+    digests: dict[str, str]
     run: str
     seed: int
     terrains: Mapping[str, NDArray[Any]]
+    epochs: Epochs = None
 
     def option(self, name: str) -> Any:
         """Look an option up by its dotted name."""
@@ -129,72 +121,30 @@ class StoredMission:
         return replay_detector(self)
 
 
-def stored_missions(results_dir: Path) -> list[tuple[str, int]]:
-    """Find the run and seed of every finished mission: one whose curve is there."""
-    missions = []
-    for path in results_dir.glob("curves/run=*/seed=*.parquet"):
-        seed = path.stem.removeprefix("seed=")
-        if seed.isdecimal():
-            missions.append((path.parent.name.removeprefix("run="), int(seed)))
-    return sorted(missions)
-
-
 def read_mission(
-    results_dir: Path, run: str, seed: int, terrains: Mapping[str, NDArray[Any]]
+    results_dir: Path,
+    run: str,
+    seed: int,
+    terrains: Mapping[str, NDArray[Any]],
+    epochs: Epochs = None,
 ) -> StoredMission:
-    """Read the YAML and the three tables of a mission, and check their columns."""
-    path = results_dir / "runs" / f"{run}.yaml"
+    """Read the YAML and the three tables of a mission; the values' digest is a check of its own."""
     try:
-        configuration = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise FaultError(f"runs/{path.name} cannot be read ({type(error).__name__})") from error
-    if not isinstance(configuration, dict):
-        raise FaultError(f"runs/{path.name} is no mapping of options")
-    tables, footers = {}, {}
-    for table in COLUMNS:
-        tables[table], footers[table] = _read_table(results_dir, table, run, seed)
+        configuration = read_science(configuration_path(results_dir, run))
+    except MisfitError as error:
+        raise FaultError(f"runs/{run}.yaml: {error}") from error
+    tables, footers, digests = {}, {}, {}
+    for name in COLUMNS:
+        try:
+            table, footers[name] = open_table(results_dir, name, run, seed)
+        except RunError as error:
+            raise FaultError(str(error)) from error
+        digests[name] = values_digest(table)
+        tables[name] = table.to_pandas()
     return StoredMission(
-        configuration, **tables, footers=footers, run=run, seed=seed, terrains=terrains
-    )
-
-
-def _read_table(
-    results_dir: Path, name: str, run: str, seed: int
-) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Read a table and the JSON document in its footer (empty if there is none)."""
-    path = results_dir / name / f"run={run}" / f"seed={seed}.parquet"
-    try:
-        # The file alone: reading it as a data set would add the partition's columns.
-        with pq.ParquetFile(path) as file:
-            table = file.read()
-        footer = json.loads((table.schema.metadata or {}).get(b"infoplan", b"{}"))
-    except (OSError, pa.ArrowException, ValueError) as error:
-        raise FaultError(f"{name} cannot be read ({type(error).__name__})") from error
-    if "run" in table.column_names:
-        raise FaultError(f"{name} holds a column run, which is a partition and no column")
-    for column, kind in COLUMNS[name].items():
-        if table.column_names.count(column) != 1:
-            raise FaultError(f"{name} has not exactly one column {column}")
-        if not _is_kind(table.schema.field(column).type, kind):
-            found = table.schema.field(column).type
-            raise FaultError(f"{name}.{column} holds {found}, not {kind}")
-        # A score that was never given is NaN, which some writers store as a missing value.
-        if table[column].null_count and column != "score":
-            raise FaultError(f"{name}.{column} has {table[column].null_count} missing values")
-    if table.num_rows == 0:
-        raise FaultError(f"{name} has no rows")
-    return table.to_pandas(), footer if isinstance(footer, dict) else {}
-
-
-def _is_kind(found: Any, kind: str) -> bool:
-    """Tell whether an Arrow type holds what a column must hold."""
-    if pa.types.is_dictionary(found):
-        found = found.value_type
-    if kind == "text":
-        return bool(pa.types.is_string(found) or pa.types.is_large_string(found))
-    if kind == "integer":
-        return bool(pa.types.is_integer(found))
-    return bool(found == (pa.float64() if kind == "double" else pa.bool_()))
+        configuration, **tables, footers=footers, digests=digests, run=run, seed=seed,
+        terrains=terrains, epochs=epochs,
+    )  # fmt: skip
 
 
 def demand(holds: NDArray[np.bool_], describe: Callable[[int], str]) -> None:

@@ -1,19 +1,85 @@
-"""Checks of the tables themselves: values, rows, configuration, grid."""
+"""Checks of the tables themselves: digests, values, rows, configuration, times, grid."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from infoplan.analyse.audit.stored import (
-    COLUMNS,
     OF_THE_MODEL,
+    ROUNDING,
     FaultError,
     Floats,
+    Partial,
     StoredMission,
     demand,
 )
+from infoplan.study.store import disagreement
+from infoplan.tables import COLUMNS
+
+CLOCK_SECONDS, CLOCK_SHARE = 1.0, 0.01
+"""What a clock that is set right meanwhile may explain, of a duration by two clocks."""
+
+
+def check_digests(mission: StoredMission) -> str | Partial:
+    """Check that the files hold the values and footers that were written, all of one mission."""
+    for name, footer in mission.footers.items():
+        if footer.values_sha256 != mission.digests[name]:
+            raise FaultError(f"{name} does not hold the values that were written")
+    if differing := disagreement(list(mission.footers.values())):
+        raise FaultError(f"the tables are not of one mission: their {differing}")
+    detail = f"{len(mission.footers)} tables hold what was written"
+    # One that does not agree with its footer is not even read.
+    without = [name for name, footer in mission.footers.items() if footer.footer_sha256 is None]
+    if without:
+        return Partial(detail, f"footers of {', '.join(without)}, written without a digest")
+    return detail
+
+
+def check_times(mission: StoredMission) -> str:
+    """Check that the times are possible: none negative, parts within the whole, clocks agreeing."""
+    parts = mission.curves.filter(like="_seconds")
+    for name in parts:
+        values = parts[name].to_numpy()
+        demand(
+            np.isfinite(values) & (values >= 0),
+            lambda e: f"epoch {e} has {name} {values[e]:g}",  # noqa: B023 - called at once
+        )
+    footer, spent = mission.footers["curves"], float(parts.to_numpy().sum())
+    if spent > footer.seconds * (1 + ROUNDING) + 1e-3:
+        raise FaultError(
+            f"the epochs took {spent:.6g} s together, the footer says {footer.seconds:.6g} s"
+        )
+    started, ended = map(datetime.fromisoformat, (footer.started, footer.ended))
+    passed = (ended - started).total_seconds()
+    if passed < 0:
+        raise FaultError(f"it ended {-passed:g} s before it started")
+    if abs(passed - footer.seconds) > CLOCK_SECONDS + CLOCK_SHARE * footer.seconds:
+        raise FaultError(
+            f"{passed:.6g} s lie between start and end, the footer says {footer.seconds:.6g} s "
+            "(a machine that slept meanwhile makes the same difference)"
+        )
+    return f"{spent:.4g} s of {footer.seconds:.4g} s are accounted for"
+
+
+def check_bounds(mission: StoredMission) -> str:
+    """Check that the scores of every epoch are possible at all, recomputed or not."""
+    curves, nodes = mission.curves, len(mission.maps)
+    rmse, mae = curves["rmse"].to_numpy(), curves["mae"].to_numpy()
+    demand(
+        (mae >= 0)
+        & (mae <= rmse * (1 + ROUNDING))
+        & (rmse <= mae * np.sqrt(nodes) * (1 + ROUNDING)),
+        lambda e: f"epoch {e} cannot have RMSE {rmse[e]:.6g} and mae {mae[e]:.6g} together",
+    )
+    inside = curves["coverage95"].to_numpy() * nodes
+    demand(
+        (inside > -0.5) & (inside < nodes + 0.5) & (np.abs(inside - np.round(inside)) <= 1e-6),
+        lambda e: f"epoch {e} has coverage95 {inside[e] / nodes:.6g}, no share of {nodes} nodes",
+    )
+    return f"{len(curves)} epochs have possible scores"
 
 
 def check_values(mission: StoredMission) -> str:
@@ -79,15 +145,11 @@ def check_configuration(mission: StoredMission) -> str:
     detector = mission.option("detector.name")
     if detector in ("none", "best") and mission.option("detector.scope") != "batch":
         raise FaultError(f"detector {detector} is not stored as batch")
-    documents = {name: footer for name, footer in mission.footers.items() if footer}
-    for name, footer in documents.items():
-        for key, expected in (("run", mission.run), ("seed", mission.seed)):
-            if footer.get(key, expected) != expected:
-                raise FaultError(f"the footer of {name} is of {key} {footer[key]}")
-        difference = _difference(mission.configuration, footer.get("configuration"))
+    for name, footer in mission.footers.items():
+        difference = _difference(mission.configuration, footer.configuration)
         if difference:
             raise FaultError(f"the footer of {name} differs from the YAML: {difference}")
-    return f"labels and {len(documents)} footers agree with the YAML"
+    return f"labels and {len(mission.footers)} footers agree with the YAML"
 
 
 def _demand_constant(name: str, column: "pd.Series[Any]", expected: Any) -> None:

@@ -2,9 +2,11 @@
 
 SABOTAGE is a list of ``what:seed``, split by commas: ``raise`` an error, be killed (``kill``), be
 killed the first time only (``kill-once``, which notes in SABOTAGE_NOTES that it has been).
-SLOW is a number of seconds that every epoch takes longer.
+SLOW is a number of seconds that every epoch takes longer. FLOCK_FAILS is the name of the error that
+every attempt at a lock ends in.
 """
 
+import errno
 import importlib.abc
 import importlib.machinery
 import os
@@ -59,4 +61,13 @@ def misbehave(what, seed):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def no_lock(descriptor, operation):
+    number = getattr(errno, os.environ["FLOCK_FAILS"])
+    raise OSError(number, os.strerror(number))
+
+
+if "FLOCK_FAILS" in os.environ:
+    import fcntl
+
+    fcntl.flock = no_lock
 sys.meta_path.insert(0, Finder())
