@@ -44,7 +44,15 @@ def main(argv: list[str] | None = None) -> int:
     int
         0: done; 1: a run failed; 2: a usage error; 130: interrupted.
     """
-    arguments = sys.argv[1:] if argv is None else argv
+    from infoplan.output import occupy_standard_streams
+    from infoplan.study.signals import stoppable
+
+    occupy_standard_streams()
+    with stoppable(for_good=argv is None):
+        return _answer(sys.argv[1:] if argv is None else argv)
+
+
+def _answer(arguments: list[str]) -> int:
     from infoplan.errors import RunError, UsageError
 
     try:

@@ -14,6 +14,7 @@ from infoplan.analyse.statistics import Interval, bootstrap_mean
 from infoplan.config import Config, options
 from infoplan.draw.terminal import small_curves, takes_braille
 from infoplan.methods import method_label
+from infoplan.output import Output
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
@@ -41,8 +42,9 @@ class Curve:
 
 def wide_console(width: int = 120) -> Console:
     """Return the console of a command; without a terminal its lines are not cut so soon."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=width)
+    output: Any = Output()  # a study goes on without it
+    console = Console(file=output, highlight=False)
+    return console if console.is_terminal else Console(file=output, highlight=False, width=width)
 
 
 def print_summary(study: Study, console: Console) -> None:

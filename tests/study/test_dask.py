@@ -9,7 +9,7 @@ import pytest
 from studies import assert_same_numbers, curves, environment, quick, started, study, until
 
 from infoplan.cli import main
-from infoplan.study import pool
+from infoplan.study import dask_pool
 
 
 @contextmanager
@@ -115,7 +115,7 @@ importlib.metadata.version = version
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "foo://127.0.0.1:9", "127.0.0.1:9"])
 def test_no_scheduler_is_one_sentence(address, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(pool, "CONNECT_SECONDS", 1.0)
+    monkeypatch.setattr(dask_pool, "CONNECT_SECONDS", 1.0)
     line = ["terrain=volcano", "backend=dask", f"scheduler={address}", f"results_dir={tmp_path}"]
     assert main(["run", *line]) == 1
     said = capfd.readouterr().err
