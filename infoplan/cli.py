@@ -54,9 +54,11 @@ def main(argv: list[str] | None = None) -> int:
 
 def _answer(arguments: list[str]) -> int:
     from infoplan.errors import RunError, UsageError
+    from infoplan.output import forget_losses
 
     try:
-        return _dispatch(arguments)
+        status = _dispatch(arguments)
+        return status or (EXIT_FAILED if forget_losses() else EXIT_OK)
     except KeyboardInterrupt:
         print(
             "interrupted: finished missions are kept; the same command goes on where it stopped",

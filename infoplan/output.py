@@ -8,6 +8,9 @@ from typing import Any
 BROKEN = (OSError, ValueError, AttributeError)
 """What writing to a stream raises that is full, closed, or None."""
 
+_losses: list[str] = []
+"""Why output was lost in this process."""
+
 
 class Output:
     """Standard output as a console writes to it; a study outlives its loss.
@@ -58,15 +61,23 @@ class Output:
         self.lost = (
             "it is closed" if self.stream is None else getattr(error, "strerror", "") or str(error)
         )
+        _losses.append(self.lost)
         complain(
-            f"infoplan: nothing more can be written to standard output ({self.lost}): the work "
-            "goes on without it and its results are stored; infoplan status lists them"
+            f"infoplan: nothing more can be written to standard output ({self.lost}): the rest of "
+            "what infoplan says is lost; missions go on, and their tables are stored"
         )
         # What the stream still holds would fail again when the interpreter ends.
         with suppress(*BROKEN):
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self.stream.fileno())
             os.close(nowhere)
+
+
+def forget_losses() -> bool:
+    """Tell whether output was lost since this was asked last."""
+    lost = bool(_losses)
+    _losses.clear()
+    return lost
 
 
 def complain(text: str) -> None:

@@ -92,6 +92,8 @@ class DaskPool:
             self.client = Client(target, timeout=CONNECT_SECONDS, set_as_default=False)
         except Exception as error:  # of many kinds, one a transport
             reason = " ".join(str(error).split()) or type(error).__name__
+            if isinstance(error, TimeoutError):
+                reason = f"no answer within {CONNECT_SECONDS:g} s"
             raise RunError(
                 f"no Dask scheduler answers at {self.where} ({reason}): start one there with "
                 "`dask scheduler`, or leave scheduler= out for a cluster on this machine"

@@ -28,7 +28,7 @@ SAMPLE_BYTES = 400
 POINT_BYTES = 50
 """Of a sample of the pilot and a control point, while the curve is drawn."""
 
-PAIR_BYTES = {"gp": 8, "student_t": 60}
+PAIR_BYTES = {"gp": 8, "student_t": 48}
 """Of a pair of samples in a model in double precision: matrices that are held at a time."""
 
 DETECTOR_PAIR_BYTES = {"gp_residual": 28, "local": 48}
@@ -84,29 +84,30 @@ def parts(config: MissionConfig) -> list[Part]:
     predicted = 8 * precision * min(BLOCK, nodes) * budget if pairs else 0.0
     iterations, angles = getattr(planner, "iterations", 0), config.robot.steering_angles
     return [
-        Part(nodes * NODE_BYTES, f"the query grid of {figure(nodes)} nodes", f"grid={config.grid}"),
+        Part(nodes * NODE_BYTES, f"the query grid of {_count(nodes)} nodes", f"grid={config.grid}"),
         Part(
             budget * SAMPLE_BYTES + pairs * budget**2 + predicted,
-            f"the model of {figure(budget)} samples", f"budget={config.budget}",
+            f"the model of {_count(budget)} samples", f"budget={config.budget}",
         ),
         Part(
             DETECTOR_PAIR_BYTES.get(detector.name, 0) * judged * budget,
-            f"the detector {detector.name} on {figure(judged)} of {figure(budget)} samples",
+            f"the detector {detector.name} on {_count(judged)} of {_count(budget)} samples",
             f"budget={config.budget}" + (" or detector.scope=historical" if judged > batch else ""),
         ),
         Part(
             POINT_BYTES * float(config.pilot.samples) * len(config.pilot.control_points),
-            f"the pilot path of {figure(config.pilot.samples)} samples",
+            f"the pilot path of {_count(config.pilot.samples)} samples",
             f"pilot.samples={config.pilot.samples}",
         ),
         Part(
             float(iterations + 1) * (64 + 8 * angles) if iterations else 0.0,
-            f"the search tree of {figure(iterations)} iterations and {figure(angles)} actions",
-            f"planner.iterations={iterations} or robot.steering_angles={angles}",
+            f"the search tree of {_count(iterations)} iterations and {_count(angles)} actions",
+            f"planner.iterations={iterations}" if iterations > angles
+            else f"robot.steering_angles={angles}",
         ),
         Part(
             100.0 * angles + 50.0 * _plan_actions(config) * config.robot.samples_per_action,
-            f"a plan among {figure(angles)} actions",
+            f"a plan among {_count(angles)} actions",
             f"robot.steering_angles={angles}, robot.samples_per_action="
             f"{config.robot.samples_per_action} or planner.actions",
         ),
@@ -145,7 +146,7 @@ def check_count(missions: int, name: str) -> None:
     """
     if missions * MISSION_BYTES > machine_memory():
         raise UsageError(
-            f"{name} makes a study of {figure(missions)} missions, whose list alone takes "
+            f"{name} makes a study of {_count(missions)} missions, whose list alone takes "
             f"{size(missions * MISSION_BYTES)} of memory, and this machine gives a process "
             f"{size(machine_memory())}: run it in parts"
         )
@@ -181,7 +182,7 @@ def affordable_workers(wanted: int, configs: Sequence[MissionConfig]) -> tuple[i
         why = f"each may take {size(each)} of memory, of which {size(free_memory())} are free"
     else:
         why = f"this process may have {open_files} files open (ulimit -n)"
-    return workers, f"{counted(workers, 'worker')} instead of {figure(wanted)}: {why}"
+    return workers, f"{counted(workers, 'worker')} instead of {_count(wanted)}: {why}"
 
 
 def seconds_of(config: MissionConfig) -> float:
@@ -296,6 +297,10 @@ def _lines(path: Path) -> list[str]:
         return path.read_text().splitlines()
     except OSError:
         return []
+
+
+def _count(number: float) -> str:
+    return f"{number:.0f}" if number < 1e6 else figure(number)
 
 
 def _long(seconds: float) -> str:
