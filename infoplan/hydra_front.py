@@ -218,6 +218,9 @@ class PoolLauncher(Launcher):
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
         """Compose the configurations of all jobs and run them as one study."""
+        from infoplan.study.limits import check_sweep
+
+        check_sweep(len(job_overrides))
         jobs = [list(overrides) for overrides in job_overrides]
         compose = Composer(self.config.hydra.job.config_name)
         composed = [compose(overrides) for overrides in jobs]
@@ -453,7 +456,13 @@ def _added_keys(config: object, prefix: str = "") -> Iterator[str]:
 def _command_line(arguments: list[str]) -> Iterator[None]:
     """Let Hydra see these arguments, raise its errors as they are, and keep its files away."""
     saved_argv, saved_flag = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
-    scratch = tempfile.mkdtemp(prefix="infoplan-")
+    try:
+        scratch = tempfile.mkdtemp(prefix="infoplan-")
+    except OSError as error:
+        raise RunError(
+            "there is no temporary folder to write to: set TMPDIR to a folder where files can be "
+            "written"
+        ) from error
     multirun = any(argument in ("-m", "--multirun") for argument in arguments)
     if multirun and not any(argument.startswith("hydra.sweep.dir=") for argument in arguments):
         # Hydra's sweeper insists on writing multirun.yaml somewhere.

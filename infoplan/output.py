@@ -41,10 +41,11 @@ class Output:
             return False
 
     def write(self, text: str) -> int:
-        """Write a text; what the stream's encoding does not have becomes a question mark."""
+        """Write a text; what the stream's encoding does not have becomes an escape."""
         if not self.lost:
+            known = text.encode(self.encoding, "backslashreplace").decode(self.encoding)
             try:
-                self.stream.write(text.encode(self.encoding, "replace").decode(self.encoding))
+                self.stream.write(known)
             except BROKEN as error:
                 self._lose(error)
         return len(text)
@@ -58,13 +59,15 @@ class Output:
                 self._lose(error)
 
     def _lose(self, error: Exception) -> None:
-        self.lost = (
-            "it is closed" if self.stream is None else getattr(error, "strerror", "") or str(error)
-        )
+        if self.stream is None:  # whoever has closed it, meant it
+            self.lost = "closed"
+            complain("infoplan: standard output is closed: what it should show is lost")
+            return
+        self.lost = getattr(error, "strerror", None) or str(error)
         _losses.append(self.lost)
         complain(
-            f"infoplan: nothing more can be written to standard output ({self.lost}): the rest of "
-            "what infoplan says is lost; missions go on, and their tables are stored"
+            f"infoplan: standard output cannot be written ({self.lost}): what it should show is "
+            "lost; missions go on, and their tables are stored"
         )
         # What the stream still holds would fail again when the interpreter ends.
         with suppress(*BROKEN):

@@ -40,6 +40,9 @@ BLOCK = 512
 MISSION_BYTES = 3_000
 """Of a mission in the process that leads the study: its name, its state, its line."""
 
+CONFIGURATION_BYTES = 90_000
+"""Of a configuration of a sweep, as Hydra holds it."""
+
 DESCRIPTORS, SPARE_DESCRIPTORS = 5, 24
 """Open files of a worker, and of everything else, in the process that leads the study."""
 
@@ -149,6 +152,22 @@ def check_count(missions: int, name: str) -> None:
             f"{name} makes a study of {_count(missions)} missions, whose list alone takes "
             f"{size(missions * MISSION_BYTES)} of memory, and this machine gives a process "
             f"{size(machine_memory())}: run it in parts"
+        )
+
+
+def check_sweep(configurations: int) -> None:
+    """Refuse a sweep of more configurations than can be held, before they are composed.
+
+    Raises
+    ------
+    UsageError
+        With the figure.
+    """
+    needed = configurations * CONFIGURATION_BYTES
+    if needed > machine_memory():
+        raise UsageError(
+            f"this sweep has {_count(configurations)} configurations, which take {size(needed)} of "
+            f"memory, and this machine gives a process {size(machine_memory())}: sweep in parts"
         )
 
 

@@ -74,6 +74,16 @@ def test_single_precision_takes_half():
     assert limits.memory_of(single) == pytest.approx(4 * 30_000**2, rel=0.05)
 
 
+def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, tmp_path):
+    sweep = [
+        "sensor.noise_std=range(0,1000)",
+        "rho=" + ",".join(f"{k / 1000}" for k in range(1000)),
+    ]
+    assert main(["run", "-m", *OPTIONS, *sweep, f"results_dir={tmp_path}"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith("infoplan: this sweep has 1.00e+06 configurations, which take 90.0 GB")
+
+
 def test_a_mission_from_python_is_refused_too(machine, volcano):
     with pytest.raises(UsageError, match=r"budget=100000000 needs about"):
         Mission(replace(quick(), budget=100_000_000), volcano, 0)

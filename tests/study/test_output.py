@@ -20,34 +20,35 @@ def run(folder: Path, redirections: str, *options: str) -> subprocess.CompletedP
 @pytest.mark.parametrize("backend", ["loky", "sequential"])
 @pytest.mark.parametrize(
     ("redirections", "reason"),
-    [(">&-", "it is closed"), (">/dev/full", "No space left on device"), ("| head -c 1", "")],
+    [
+        (">&-", "is closed: what"),
+        (">/dev/full", "cannot be written (No space left on device): what"),
+        ("| head -c 1", "cannot be written (Broken pipe): what"),
+    ],
 )
 def test_a_study_outlives_its_output(redirections, reason, backend, tmp_path):
     if "full" in redirections and not os.path.exists("/dev/full"):
         pytest.skip("this system has no full device")
     done = run(tmp_path, redirections, "seeds=2", "n_jobs=1", f"backend={backend}")
     assert len(curves(tmp_path)) == 2
-    lines = done.stderr.splitlines()
-    assert [line.split(" (")[0] for line in lines] == [
-        "infoplan: nothing more can be written to standard output"
-    ]
-    assert f"({reason}" in lines[0]
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"infoplan: standard output {reason} it should show is lost")
     if "|" not in redirections:  # else the status is that of head
-        assert done.returncode == 1
+        assert done.returncode == (1 if "full" in redirections else 0)
 
 
 @pytest.mark.parametrize("redirections", ["2>&-", "2>/dev/full", "<&- >&- 2>&-"])
 def test_a_study_needs_no_standard_error(redirections, tmp_path):
     done = run(tmp_path, redirections, "seeds=1", "n_jobs=1")
-    assert done.returncode == (1 if ">&- 2" in redirections else 0)
+    assert done.returncode == 0
     assert len(curves(tmp_path)) == 1
 
 
-def test_letters_that_a_terminal_does_not_have_become_question_marks(tmp_path, monkeypatch):
+def test_letters_that_a_terminal_does_not_have_become_escapes(tmp_path, monkeypatch):
     with open(tmp_path / "latin", "w", encoding="latin-1") as stream:
         monkeypatch.setattr(sys, "stdout", stream)
         output = Output()
         output.write("süß ⠉ α\n")
         output.flush()
         assert not output.lost
-    assert (tmp_path / "latin").read_bytes() == "süß ? ?\n".encode("latin-1")
+    assert (tmp_path / "latin").read_bytes() == "süß \\u2809 \\u03b1\n".encode("latin-1")
