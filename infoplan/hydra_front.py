@@ -6,6 +6,7 @@ our own sends all jobs of a multirun to one pool, and errors become one sentence
 
 import copy
 import itertools
+import math
 import os
 import re
 import shlex
@@ -42,6 +43,7 @@ from infoplan.config import (
     options,
 )
 from infoplan.errors import RunError, UsageError
+from infoplan.study.limits import check_sweep
 from infoplan.wording import suggest
 
 SCHEMAS: dict[str, dict[str, Any]] = {
@@ -101,6 +103,8 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     _act = act
     _statuses.clear()
     flags, overrides = sort_arguments(arguments)
+    if {"-m", "--multirun"} & set(flags):
+        check_sweep(combinations(overrides))  # Hydra would begin to compose them all
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
     with _command_line([*flags, *map(_admitted, overrides)]):
         try:
@@ -218,9 +222,6 @@ class PoolLauncher(Launcher):
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
         """Compose the configurations of all jobs and run them as one study."""
-        from infoplan.study.limits import check_sweep
-
-        check_sweep(len(job_overrides))
         jobs = [list(overrides) for overrides in job_overrides]
         compose = Composer(self.config.hydra.job.config_name)
         composed = [compose(overrides) for overrides in jobs]
@@ -306,6 +307,24 @@ def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
             ) from error
         jobs += [[*given, *combination] for combination in itertools.product(*values)]
     return jobs
+
+
+def combinations(overrides: Sequence[str]) -> int:
+    """Count the jobs that Hydra's own sweeper makes of overrides; 1 if another sweeper is chosen.
+
+    Of a single override no more than a million values are counted.
+    """
+    if any(override.startswith("hydra/sweeper=") for override in overrides):
+        return 1
+    try:
+        parsed = OverridesParser.create().parse_overrides([_admitted(word) for word in overrides])
+        swept = [override for override in parsed if override.is_sweep_override()]
+        return math.prod(
+            sum(1 for _ in itertools.islice(override.sweep_string_iterator(), 1_000_000))
+            for override in swept
+        )
+    except HydraException:
+        return 1  # Hydra says what is wrong
 
 
 def explain(error: BaseException) -> str:

@@ -31,7 +31,7 @@ POINT_BYTES = 50
 PAIR_BYTES = {"gp": 8, "student_t": 48}
 """Of a pair of samples in a model in double precision: matrices that are held at a time."""
 
-DETECTOR_PAIR_BYTES = {"gp_residual": 28, "local": 48}
+DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
 """Of a judged sample and one that it is judged by."""
 
 BLOCK = 512

@@ -81,7 +81,7 @@ def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, t
     ]
     assert main(["run", "-m", *OPTIONS, *sweep, f"results_dir={tmp_path}"]) == 2
     said = capfd.readouterr().err
-    assert said.startswith("infoplan: this sweep has 1.00e+06 configurations, which take 90.0 GB")
+    assert said.startswith("infoplan: this sweep has 1000000 configurations, which take 90.0 GB")
 
 
 def test_a_mission_from_python_is_refused_too(machine, volcano):
