@@ -102,7 +102,7 @@ def fly(config: MissionConfig, seed: int = 0, terrain: Terrain | None = None) ->
     Raises
     ------
     UsageError
-        If the terrain cannot be had.
+        If the terrain cannot be had, or the mission needs more memory than the machine has.
     RunError
         If the mission breaks down.
     """

@@ -6,7 +6,7 @@ completion stay quick.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,7 @@ class Seeds(click.ParamType):
 
     name, words = "seeds", "a count n (0 to n - 1), or a list like [0,3]"
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> list[int]:
+    def convert(self, value: Any, param: Any, ctx: Any) -> Sequence[int]:
         """Read them."""
         import yaml
 
@@ -207,7 +207,7 @@ def run(overrides: list[str]) -> int:
 def replay(
     run: str | None,
     results_dir: Path,
-    seeds: list[int] | None,
+    seeds: Sequence[int] | None,
     n_jobs: int,
     resume: bool,
     trust: bool,
@@ -420,7 +420,7 @@ def leaderboard(
 def audit(
     run: str | None,
     results_dir: Path,
-    seeds: list[int] | None,
+    seeds: Sequence[int] | None,
     epochs: Any,
     terrain_path: Path | None,
     terrain_member: str | None,

@@ -7,7 +7,7 @@ numbers. `Config` adds what does not: seeds, workers, paths.
 
 import copy
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -607,6 +607,9 @@ class Config(MissionConfig):
         "continue", "after a failed mission: fly the others, or start no more",
         choices=("continue", "stop"),
     )  # fmt: skip
+    mission_timeout: float | None = option(
+        None, "longest time of a mission, whose worker is then ended; null: any", unit="s", above=0
+    )
     results_dir: str = option("results", "where the tables land")
     resume: bool = option(True, "keep the seeds whose table is already there")
     sweep: list[str] = option(
@@ -710,6 +713,11 @@ def validate(config: MissionConfig) -> None:
                 f"scheduler={config.scheduler} has no use with backend={config.backend}: "
                 "give backend=dask, too"
             )
+        if config.mission_timeout is not None and config.backend != "loky":
+            raise UsageError(
+                f"mission_timeout={config.mission_timeout:g} has no use with "
+                f"backend={config.backend}, which cannot end a mission alone: use backend=loky"
+            )
 
 
 def check_options(config: object, prefix: str = "") -> None:
@@ -758,7 +766,7 @@ def plain_number(value: float) -> str:
     return short if float(short) == value else repr(value)
 
 
-def seed_list(seeds: Any) -> list[int]:
+def seed_list(seeds: Any) -> Sequence[int]:
     """Seeds that ``seeds=`` stands for: a count n means 0 to n - 1.
 
     Raises
@@ -769,7 +777,9 @@ def seed_list(seeds: Any) -> list[int]:
     allowed = "it must be a count of at least 1, or a list of different integers of at least 0"
     if isinstance(seeds, bool) or not isinstance(seeds, int | list):
         raise UsageError(f"seeds={seeds!r} is not a number of seeds: {allowed}")
-    chosen = list(range(seeds)) if isinstance(seeds, int) else seeds
+    if isinstance(seeds, int) and seeds > 0:
+        return range(seeds)  # of any length
+    chosen = [] if isinstance(seeds, int) else seeds
     if any(isinstance(seed, bool) or not isinstance(seed, int) or seed < 0 for seed in chosen):
         raise UsageError(f"seeds={seeds} holds something else than seeds: {allowed}")
     if not chosen:

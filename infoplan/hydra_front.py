@@ -60,7 +60,9 @@ from infoplan.config import (
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.files import user_path
+from infoplan.output import Output
 from infoplan.own import load, text_parameters
+from infoplan.study.limits import check_sweep
 from infoplan.text_options import (
     OWN_OPTION,
     as_override,
@@ -150,6 +152,8 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     given = check_flags(flags)
     if "--shell-completion" not in given:
         overrides = readable(overrides, several=_is_multirun(flags, overrides))
+        if _is_multirun(flags, overrides):
+            check_sweep(combinations(overrides))  # Hydra would begin to compose them all
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
     quiet = redirect_stderr(io.StringIO()) if "--package" in given else nullcontext()
     with _own_state(), _command_line(flags, overrides), quiet:
@@ -625,6 +629,24 @@ class Score(float):
         return Score, (float(self), self.run)
 
 
+def combinations(overrides: Sequence[str]) -> int:
+    """Count the jobs that Hydra's own sweeper makes of overrides; 1 if another sweeper is chosen.
+
+    Of a single override no more than a million values are counted.
+    """
+    if any(override.startswith("hydra/sweeper=") for override in overrides):
+        return 1
+    try:
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        swept = [override for override in parsed if override.is_sweep_override()]
+        return math.prod(
+            sum(1 for _ in itertools.islice(override.sweep_string_iterator(), 1_000_000))
+            for override in swept
+        )
+    except HydraException:
+        return 1  # Hydra says what is wrong
+
+
 def explain(error: BaseException) -> str:
     """Say in one sentence what is wrong with a configuration that Hydra refused."""
     chain = [error]
@@ -881,6 +903,9 @@ def _run_and_print(configs: list[Config]) -> tuple[int, list[float]]:
     console = wide_console()
     study = run_study(configs, console)
     print_summary(study, console)
+    sys.stdout.flush()
+    if isinstance(sys.stdout, Output):
+        sys.stdout.tell_unread()  # of a study whoever listened is told why it went on
     finals = zip(final_rmse(study), study.names, strict=True)
     return int(bool(study.failed)), [Score(number, name) for number, name in finals]
 

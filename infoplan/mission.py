@@ -18,6 +18,7 @@ from infoplan.plan import Situation, count_flags, smooth
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path, steering_angles, turn_on_the_spot
 from infoplan.sensing import add_spikes, measure
+from infoplan.study.limits import check_mission
 from infoplan.terrain import Terrain
 from infoplan.threads import one_thread
 
@@ -124,10 +125,12 @@ class Mission:
     Raises
     ------
     UsageError
-        If a planner, detector or model of the user's own cannot be had.
+        If a planner, detector or model of the user's own cannot be had, or the mission needs more
+        memory than the machine has.
     """
 
     def __init__(self, config: MissionConfig, terrain: Terrain, seed: int):
+        check_mission(config)
         self.config = config
         self.terrain = terrain
         self.seed = seed

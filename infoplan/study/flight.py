@@ -1,5 +1,6 @@
 """What a worker does: fly one mission and hand back its tables, or say why not."""
 
+import os
 import threading
 import time
 import traceback
@@ -10,12 +11,21 @@ from datetime import UTC, datetime
 from typing import Any
 
 from infoplan.backend import load_matplotlib
-from infoplan.config import DetectorConfig, MissionConfig, TerrainConfig, with_values
+from infoplan.config import (
+    DetectorConfig,
+    GpConfig,
+    MissionConfig,
+    RandomConfig,
+    TerrainConfig,
+    with_values,
+)
 from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import NUMERICS_VERSION, Run
-from infoplan.study.progress import COMPILING, Address, Report, reporter
+from infoplan.study.progress import COMPILING, Report
 from infoplan.study.provenance import provenance
+from infoplan.study.signals import Interrupted
 from infoplan.study.store import MissionTables, build_tables
+from infoplan.wording import harmless
 
 NOTICE_SECONDS = 2.0
 """Kernels that are in the cache are loaded in less; whatever takes longer is compiling."""
@@ -26,6 +36,9 @@ ONE_THREAD = dict.fromkeys(
     "1",
 )  # fmt: skip
 """Environment of a worker: missions run side by side, each on one thread."""
+
+LONGEST_REASON, LONGEST_FAILURE = 500, 64_000
+"""Characters of a failure's line and of its file."""
 
 _one_mission = threading.Lock()
 """Held by the mission that a process flies."""
@@ -72,16 +85,19 @@ class Outcome:
 def fly(task: Task, report: Report | None = None) -> Outcome:
     """Fly one mission, on one thread, and return its tables or what went wrong.
 
+    Whatever a method of the user's raises fails the mission alone: only a signal gets through.
+
     Parameters
     ----------
     task
         The mission.
     report
-        Called with 0 and None at the start, then with (samples collected, RMSE) after each epoch.
+        Called with the mission's number and 0 and None at the start, then with (samples collected,
+        RMSE) after each epoch.
     """
-    report = report or (lambda collected, rmse: None)
-    started, clock = datetime.now(UTC), time.perf_counter()
-    report(0, None)
+    report = report or (lambda number, collected, rmse: None)
+    started, clock, process = datetime.now(UTC), time.perf_counter(), os.getpid()
+    report(task.number, 0, None)
     try:
         _check_version(task.run)
 
@@ -93,22 +109,27 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
             mission = Mission(task.run.config, task.run.terrain, task.seed)
             rows = []
             for row in mission.run():
+                _end_if_forked(process)
                 rows.append(row)
-                report(row.collected, row.rmse)
+                report(task.number, row.collected, row.rmse)
             tables = build_tables(task.run, mission, rows)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
                 "seconds": time.perf_counter() - clock,
             }
-    except (Exception, SystemExit) as error:  # a method of the user's may call sys.exit
+    except Interrupted:
+        raise
+    except BaseException as error:
+        _end_if_forked(process)
         return failed(task, error, time.perf_counter() - clock)
     return Outcome(task, time.perf_counter() - clock, tables, footer)
 
 
-def fly_here(task: Task, address: Address | None) -> Outcome:
-    """Fly a mission in a process on this machine, and report to the display at an address."""
-    return fly(task, reporter(address, task.number))
+def _end_if_forked(process: int) -> None:
+    """End a child that a method has forked and that came back: it has nothing to say here."""
+    if os.getpid() != process:
+        os._exit(0)
 
 
 def fly_on_dask(task: Task, topic: str) -> Outcome:
@@ -121,25 +142,44 @@ def fly_on_dask(task: Task, topic: str) -> Outcome:
 
     worker = get_worker()
 
-    def report(collected: int, rmse: float | None) -> None:
-        worker.log_event(topic, {"mission": task.number, "collected": collected, "rmse": rmse})
+    def report(number: int, collected: int, rmse: float | None) -> None:
+        worker.log_event(topic, {"mission": number, "collected": collected, "rmse": rmse})
 
     with _one_mission:
         return fly(task, report)
 
 
 def failed(task: Task, error: BaseException, seconds: float = 0.0) -> Outcome:
-    """Describe a mission that raised."""
-    expected = isinstance(error, UsageError | RunError)
-    last = str(error) if expected else traceback.format_exception_only(error)[-1].strip()
-    return Outcome(task, seconds, reason=last, failure="".join(traceback.format_exception(error)))
+    """Describe a mission that raised; texts of any length are kept short."""
+    text = "".join(traceback.format_exception(error))
+    if isinstance(error, UsageError | RunError):
+        last = str(error)
+    elif isinstance(error, MemoryError):
+        last = (
+            f"it needs more memory than there is ({error or 'MemoryError'}): lower budget= "
+            "or grid=, or n_jobs= where several missions share the memory"
+        )
+    else:
+        last = " ".join(traceback.format_exception_only(error)[-1].split())
+    return Outcome(
+        task, seconds, reason=harmless(shortened(last, LONGEST_REASON)),
+        failure=shortened(text, LONGEST_FAILURE),
+    )  # fmt: skip
 
 
-def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | None) -> None:
+def shortened(text: str, longest: int) -> str:
+    """Leave out the middle of a text that is too long: the head and the tail tell most."""
+    if len(text) <= longest:
+        return text
+    half = longest // 2
+    return f"{text[:half]} ... [{len(text) - 2 * half} characters left out] ... {text[-half:]}"
+
+
+def get_ready(configs: list[MissionConfig], compiling: bool, report: Report) -> None:
     """Import what missions need, and compile the numerical kernels that are not in the cache.
 
-    To compile, each kind of mission is flown for an epoch with next to no data. What goes wrong
-    here goes wrong in the missions too, and is told there.
+    To compile, each kind of mission is flown for an epoch with next to no data, without the user's
+    methods. What goes wrong here goes wrong in the missions too, and is told there.
 
     Parameters
     ----------
@@ -147,8 +187,8 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
         Configurations of the missions to come.
     compiling
         False: imports only, because another worker compiles.
-    address
-        Where a display listens that is told if compiling takes long.
+    report
+        Called if compiling takes long.
     """
     from infoplan.mission import Mission
     from infoplan.terrain import load_terrain
@@ -161,12 +201,15 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
         return
     shrunk: list[MissionConfig] = []
     for config in configs:
+        own = {group: getattr(config, group).name == "own" for group in ("planner", "model")}
+        planner = RandomConfig() if own["planner"] else config.planner
+        model = GpConfig() if own["model"] else config.model
         config = replace(
             config,
             detector=DetectorConfig(),
             pilot=replace(config.pilot, samples=5),
-            model=replace(config.model, pilot_iterations=1, iterations=1),
-            planner=with_values(config.planner, iterations=2, actions=1),
+            model=replace(model, pilot_iterations=1, iterations=1),
+            planner=with_values(planner, iterations=2, actions=1),
             terrain=TerrainConfig(extent=config.terrain.extent),
             rho=0.1,
             grid=[2, 2],
@@ -174,7 +217,7 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
         )
         if config not in shrunk:
             shrunk.append(config)
-    notice = threading.Timer(NOTICE_SECONDS, reporter(address, COMPILING), [0, None])
+    notice = threading.Timer(NOTICE_SECONDS, report, [COMPILING, 0, None])
     notice.daemon = True
     notice.start()
     for config in shrunk:
@@ -183,6 +226,11 @@ def get_ready(configs: list[MissionConfig], compiling: bool, address: Address | 
             for _ in Mission(config, terrain, seed=0).run():
                 pass
     notice.cancel()
+
+
+def compile_on_dask(configs: list[MissionConfig]) -> None:
+    """Compile the kernels on a Dask worker (`get_ready`)."""
+    get_ready(configs, True, lambda number, collected, rmse: None)
 
 
 def _check_version(run: Run) -> None:

@@ -1,18 +1,11 @@
 """What a person sees while missions run: a live display, or plain lines without a terminal.
 
-Workers tell how far they are by datagrams to a socket of the parent on this machine: no file, no
-shared state, and a worker that dies leaves nothing behind. A lost datagram costs one refresh.
+The pool tells how far its workers are (`Display.report`).
 """
 
-import json
-import os
-import socket
-import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console
 from rich.live import Live
@@ -22,9 +15,8 @@ from rich.text import Text
 from infoplan.study.estimate import Clock, Kind, Pace, duration, wall_seconds
 from infoplan.wording import figure, harmless
 
-Address = tuple[str, int]
-Report = Callable[[int, float | None], None]
-"""What a mission calls with the samples collected and the RMSE."""
+Report = Callable[[int, int, float | None], None]
+"""Takes the number of a mission, the samples that it has collected, and its RMSE."""
 
 COMPILING = -1
 """Number that a worker reports instead of a mission's while it compiles the kernels."""
@@ -35,23 +27,8 @@ STEPS = 1000
 NARROWEST_BAR, WIDEST_BAR = 6, 30
 SHORTEST_NAME = 16
 
-REFRESH_SECONDS = 0.25
 LINE_SECONDS = 5.0
 """Plain lines about missions under way appear at most this often."""
-
-
-def reporter(address: Address | None, mission: int) -> Report:
-    """Return the function by which a worker reports (samples collected, RMSE) of a mission."""
-    if address is None:
-        return lambda collected, rmse: None
-    channel = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-
-    def report(collected: int, rmse: float | None) -> None:
-        message = {"mission": mission, "collected": collected, "rmse": rmse, "pid": os.getpid()}
-        with suppress(OSError):  # a display that is gone must not end a mission
-            channel.sendto(json.dumps(message).encode(), address)
-
-    return report
 
 
 @dataclass
@@ -125,15 +102,7 @@ class Display:
         self.counts = {"done": 0, "skipped": skipped, "failed": 0}
         self.wanted = skipped + len(lines)
         self.started = self.last_line = time.monotonic()
-        self.stopped = threading.Event()
         self.live: Live | None = None
-        self.receiver = _listening_socket()
-        self.thread = threading.Thread(target=self._listen, daemon=True)
-
-    @property
-    def address(self) -> Address | None:
-        """Where workers on this machine report; None where there is no loopback network."""
-        return self.receiver.getsockname() if self.receiver else None
 
     def __enter__(self) -> "Display":
         if self.console.is_terminal:
@@ -142,17 +111,9 @@ class Display:
                 transient=True,
             )  # fmt: skip
             self.live.start()
-        self.thread.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.stopped.set()
-        if self.receiver:
-            with suppress(OSError):  # wakes the thread
-                self.receiver.sendto(b"", self.receiver.getsockname())
-        self.thread.join()
-        if self.receiver:
-            self.receiver.close()
         if self.live:
             self.live.stop()
 
@@ -182,6 +143,30 @@ class Display:
         self.lines[mission].state = "over"
         self.counts["failed"] += 1
         self._say_of(self.lines[mission], f"FAILED: {reason}", style="bold red")
+
+    def report(self, mission: int, collected: int, rmse: float | None) -> None:
+        """Show how far a mission is; news of one that is not under way, or old news, are none.
+
+        Parameters
+        ----------
+        mission
+            Its number, or `COMPILING`.
+        collected
+            Samples so far; 0 at the start.
+        rmse
+            The latest; None at the start.
+        """
+        if mission == COMPILING:
+            self.say("compiling the numerical kernels, once on this machine ...")
+            return
+        line = self.lines[mission]
+        if line.state != "under way" or collected < line.collected:
+            return
+        line.collected, line.rmse = collected, rmse
+        line.clock.report(collected)
+        due = time.monotonic() - self.last_line > LINE_SECONDS
+        if collected and due and not self.live:
+            self.say(f"{line.label}  {line.note}{self._time_left()}")
 
     def wait(self, mission: int) -> None:
         """Show that a mission is not under way any more and will be started again."""
@@ -218,32 +203,6 @@ class Display:
         left = "" if self.live else self._time_left()
         self.say(f"[{over}/{len(self.lines)}] {line.label}  {text}{left}", style)
 
-    def _listen(self) -> None:
-        while not self.stopped.is_set():
-            if self.receiver is None:
-                self.stopped.wait(REFRESH_SECONDS)
-                continue
-            try:
-                message: dict[str, Any] = json.loads(self.receiver.recv(4096))
-                self._take(message["mission"], message["collected"], message["rmse"])
-            except OSError:  # mostly: nothing has arrived
-                self.stopped.wait(0.01)
-            except (ValueError, KeyError, IndexError, TypeError):
-                continue  # not from a worker
-
-    def _take(self, mission: int, collected: int, rmse: float | None) -> None:
-        if mission == COMPILING:
-            self.say("compiling the numerical kernels, once on this machine ...")
-            return
-        line = self.lines[mission]
-        if line.state != "under way" or collected < line.collected:
-            return
-        line.collected, line.rmse = collected, rmse
-        line.clock.report(collected)
-        due = time.monotonic() - self.last_line > LINE_SECONDS
-        if collected and due and not self.live:
-            self.say(f"{line.label}  {line.note}{self._time_left()}")
-
     def _time_left(self) -> str:
         left = self.left()
         return f"  about {duration(left)} left" if left and left >= 1 else ""
@@ -274,14 +233,3 @@ class Display:
 class _Note(ProgressColumn):
     def render(self, task: Task) -> Text:
         return Text(task.fields["note"])
-
-
-def _listening_socket() -> socket.socket | None:
-    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        receiver.bind(("127.0.0.1", 0))
-    except OSError:
-        receiver.close()
-        return None
-    receiver.settimeout(REFRESH_SECONDS)
-    return receiver

@@ -8,13 +8,14 @@ import sys
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
 from infoplan.caches import kernel_note
 from infoplan.config import Config, TerrainConfig, seed_list, validate
@@ -22,8 +23,15 @@ from infoplan.errors import RunError, UsageError
 from infoplan.study.estimate import Pace, kind_of, learn
 from infoplan.study.flight import Outcome, Task
 from infoplan.study.identity import Run, identify
+from infoplan.study.limits import (
+    affordable_workers,
+    check_count,
+    check_mission,
+    seconds_of,
+    warning_of_time,
+)
 from infoplan.study.locks import Lock, NoLocksError, acquire, no_locks
-from infoplan.study.pool import Pool, open_pool
+from infoplan.study.pool import Pool, open_pool, worker_count
 from infoplan.study.progress import Display, Line
 from infoplan.study.provenance import git_state
 from infoplan.study.signals import postponed, stoppable
@@ -41,7 +49,9 @@ from infoplan.terrain import Terrain, load_terrain
 POLL_SECONDS = 0.5
 """How often a mission that another process holds is looked at again."""
 
-SHARED = ("n_jobs", "backend", "scheduler", "on_error", "results_dir", "resume")
+SHARED = (
+    "n_jobs", "backend", "scheduler", "mission_timeout", "on_error", "results_dir", "resume",
+)  # fmt: skip
 """Options that all configurations of a study have in common, because they share one pool."""
 
 MACHINE = ("python", "blas", "cpu")
@@ -117,6 +127,12 @@ def check_study(configs: list[Config]) -> None:
                 f"{name}={','.join(sorted(values))} cannot be swept: all configurations of a study "
                 f"share one pool and one results_dir, so give {name} one value"
             )
+    for config in configs:
+        check_mission(config)
+    check_count(
+        sum(len(seed_list(config.seeds)) for config in configs),
+        f"seeds={configs[0].seeds}" if len(configs) == 1 else "this sweep",
+    )
 
 
 def plan_study(configs: list[Config], console: Console) -> Study:
@@ -226,13 +242,12 @@ def load_terrains(wanted: Iterable[TerrainConfig], console: Console) -> list[Ter
     return terrains
 
 
-def merge_runs(runs: list[Run], seeds: list[list[int]]) -> list[tuple[Run, list[int]]]:
+def merge_runs(runs: list[Run], seeds: list[Sequence[int]]) -> list[tuple[Run, list[int]]]:
     """Make configurations that are the same run one, with all their seeds."""
-    merged: dict[str, tuple[Run, list[int]]] = {}
+    merged: dict[str, tuple[Run, dict[int, None]]] = {}
     for run, wanted in zip(runs, seeds, strict=True):
-        known = merged.setdefault(run.name, (run, []))[1]
-        known.extend(seed for seed in wanted if seed not in known)
-    return list(merged.values())
+        merged.setdefault(run.name, (run, {}))[1].update(dict.fromkeys(wanted))
+    return [(run, list(known)) for run, known in merged.values()]
 
 
 def fly_all(tasks: list[Task], study: Study, config: Config, console: Console) -> None:
@@ -259,16 +274,32 @@ def fly_all(tasks: list[Task], study: Study, config: Config, console: Console) -
              kind_of(task.run.science))
         for task in tasks
     ]  # fmt: skip
+    missions = [run.config for run in {t.run.name: t.run for t in tasks}.values()]
+    workers = 1 if config.backend == "sequential" else worker_count(config.n_jobs)
+    workers, fewer = affordable_workers(min(workers, len(tasks)), missions)
+    elsewhere = config.scheduler is not None
+    if not elsewhere:
+        if fewer:
+            console.print(Text(fewer, style="yellow"), soft_wrap=True)
+        long = warning_of_time(expected_seconds(tasks, study.pace), workers)
+        if long:
+            console.print(Text(f"WARNING: {long}", style="yellow"), soft_wrap=True)
     with (
         Display(lines, study.pace, 1, study.kept, console) as display,
-        open_pool(config.backend, config.n_jobs, config.scheduler, display.address, display.say)
-        as pool,
-    ):  # fmt: skip
+        open_pool(config, workers, display) as pool,
+    ):
         display.workers = pool.size()
-        pool.get_ready(
-            [run.config for run in {t.run.name: t.run for t in tasks}.values()], len(tasks)
-        )
+        pool.get_ready(missions, len(tasks))
         Flight(tasks, study, config, pool, display).fly()
+
+
+def expected_seconds(tasks: list[Task], pace: Pace) -> float:
+    """Seconds of all missions one after the other, by those of their kind or their operations."""
+    each = {}
+    for run in {task.run.name: task.run for task in tasks}.values():
+        known = pace.of_kind(kind_of(run.science))
+        each[run.name] = seconds_of(run.config) if known is None else known
+    return sum(each[task.run.name] for task in tasks)
 
 
 class Flight:

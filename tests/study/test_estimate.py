@@ -1,6 +1,10 @@
 """How long a study takes, judged by missions that are done and those under way."""
 
+import io
+from dataclasses import replace
+
 import pytest
+from rich.console import Console
 from studies import quick, study
 
 from infoplan.study import estimate
@@ -15,6 +19,7 @@ from infoplan.study.estimate import (
     wall_seconds,
 )
 from infoplan.study.identity import identify
+from infoplan.study.runner import plan_study
 
 
 @pytest.fixture
@@ -49,8 +54,6 @@ def test_another_kind_is_scaled_from_the_nearest():
 
 
 def test_rho_and_map_do_not_make_another_kind(small, volcano):
-    from dataclasses import replace
-
     base = kind_of(identify(small, volcano).science)
     assert kind_of(identify(replace(small, rho=0.3), volcano).science) == base
     assert kind_of(identify(small, replace(volcano, sha256="1" * 64)).science) == base
@@ -58,6 +61,25 @@ def test_rho_and_map_do_not_make_another_kind(small, volcano):
     assert more.work == pytest.approx(base.work * 2**GROWTH)
     model = replace(small.model, iterations=9)
     assert kind_of(identify(replace(small, model=model), volcano).science) != base
+
+
+def test_time_grows_faster_than_the_samples(small, volcano, clock):
+    """A mission of twice the budget takes five to six times as long, not twice."""
+    base, double = (
+        kind_of(identify(replace(small, budget=budget), volcano).science) for budget in (800, 1600)
+    )
+    pace = Pace()
+    pace.add(base, 10.0)
+    assert pace.seconds(double) == pytest.approx(56.6, abs=0.1)
+    # Half of the samples are a twelfth of the work: 11.3 of 12.3 parts are left.
+    mission = Clock(budget=1000)
+    mission.report(0)
+    clock(1.0)
+    mission.report(1)
+    clock(10.0)
+    mission.report(500)
+    assert mission.share(500) == pytest.approx(0.0884, abs=1e-4)
+    assert mission.left(None) == pytest.approx(103.1, abs=0.1)
 
 
 def test_stored_missions_teach_the_pace(tmp_path):
@@ -110,3 +132,20 @@ def test_wall_time_of_several_workers():
 )
 def test_durations_as_people_say_them(seconds, said):
     assert duration(seconds) == said
+
+
+def test_the_longest_missions_are_started_first(tmp_path):
+    configs = [
+        replace(quick(), budget=budget, seeds=2, results_dir=str(tmp_path))
+        for budget in (130, 190, 160)
+    ]
+    plan = plan_study(configs, Console(file=io.StringIO()))
+
+    def order():
+        return [(task.run.config.budget, task.seed, task.number) for task in plan.todo(True)]
+
+    assert order() == [(190, 0, 0), (190, 1, 1), (160, 0, 2), (160, 1, 3), (130, 0, 4), (130, 1, 5)]
+    kinds = {run.config.budget: kind_of(run.science) for run, _ in plan.runs}
+    for budget, seconds in ((130, 50.0), (160, 7.0), (190, 9.0)):
+        plan.pace.add(kinds[budget], seconds)
+    assert [budget for budget, _, _ in order()] == [130, 130, 190, 190, 160, 160]

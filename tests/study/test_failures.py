@@ -1,15 +1,11 @@
 """A mission that raises, or whose worker is killed, costs no other mission."""
 
 import json
-from dataclasses import replace
-from io import StringIO
 
 import pytest
-from rich.console import Console
 from studies import OPTIONS, SABOTEUR, assert_same_numbers, curves, quick, study
 
 from infoplan.cli import main
-from infoplan.study.runner import run_study
 from infoplan.study.store import list_failures, list_missions
 
 
@@ -81,19 +77,6 @@ def test_a_failure_shows_in_the_closing_table_and_in_the_exit_status(
     sabotage("")
     assert main(["run", *options]) == 0
     assert not path.exists()
-
-
-def test_a_mission_that_cannot_be_had_fails_alone(tmp_path):
-    """Memory that no machine has, in one of two configurations."""
-    configs = [
-        replace(quick(), seeds=1, n_jobs=2, grid=grid, results_dir=str(tmp_path))
-        for grid in ([2_000_000, 2_000_000], [12, 12])
-    ]
-    done = run_study(configs, Console(file=StringIO()))
-    assert done.computed == 1
-    ((label, reason, _),) = done.failed
-    assert label.endswith("seed 0")
-    assert "MemoryError" in reason
 
 
 def test_on_error_stop_starts_no_more(tmp_path, sabotage):

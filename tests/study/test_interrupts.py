@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import suppress
 
 import psutil
 import pytest
@@ -54,3 +55,20 @@ def test_ctrl_c_while_workers_start_is_quiet(tmp_path):
     assert process.returncode == 130
     assert said.startswith("interrupted:")
     assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.02, 0.2])
+def test_a_second_ctrl_c_changes_nothing(pause, tmp_path):
+    with started(tmp_path, "seeds=40", "n_jobs=2", slow=0.5) as process:
+        until(lambda: list(tmp_path.glob(".locks/*")), process)
+        children = family(process.pid)
+        for _ in range(4):
+            os.killpg(process.pid, signal.SIGINT)
+            with suppress(psutil.TimeoutExpired):
+                psutil.Process(process.pid).wait(pause)
+        said, _ = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert said.splitlines()[-1].startswith("interrupted: finished missions are kept")
+    assert "Traceback" not in said
+    psutil.wait_procs(children, timeout=20)
+    assert not [child for child in children if alive(child)]

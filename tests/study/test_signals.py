@@ -5,6 +5,7 @@ import signal
 
 import pytest
 
+from infoplan.study import signals
 from infoplan.study.signals import STOPPING, ignored, postponed, stoppable
 
 
@@ -28,6 +29,33 @@ def test_a_signal_is_ignored_at_the_end(number):
     with ignored():
         os.kill(os.getpid(), number)
     assert signal.getsignal(number) == before
+
+
+def test_impatience_does_not_disturb_the_end_and_patience_has_an_end(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(signals.time, "monotonic", lambda: now[0])
+    with stoppable():
+        with pytest.raises(signals.Interrupted):
+            os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGTERM)
+        now[0] += signals.PATIENCE_SECONDS
+        with pytest.raises(signals.Interrupted):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def test_a_process_that_was_interrupted_for_good_stays_deaf():
+    before = {number: signal.getsignal(number) for number in STOPPING}
+    try:
+        with stoppable(for_good=True):
+            pass
+        assert {number: signal.getsignal(number) for number in STOPPING} == before
+        with stoppable(for_good=True), pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_what_the_user_ignores_stays_ignored():

@@ -1,6 +1,6 @@
 """All checks of stored missions, and how their findings read."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -125,7 +125,7 @@ class Finding:
 def audit(
     results_dir: Path,
     run: str | None = None,
-    seeds: list[int] | None = None,
+    seeds: Sequence[int] | None = None,
     terrains: Mapping[str, NDArray[Any]] | None = None,
     epochs: Any = None,
 ) -> Iterator[Finding]:

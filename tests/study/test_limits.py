@@ -1,0 +1,199 @@
+"""Sizes that nobody meant are refused before anything is flown; what is merely large is not."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+from studies import OPTIONS, curves, quick
+
+from infoplan.cli import main
+from infoplan.config import GpConfig, StudentTConfig, seed_list
+from infoplan.errors import UsageError
+from infoplan.mission import Mission
+from infoplan.study import limits
+
+GB = 1e9
+
+
+@pytest.fixture
+def machine(monkeypatch):
+    """Let the machine have 16 GB, all of them free, and 1024 open files."""
+    monkeypatch.setattr(limits, "machine_memory", lambda: 16 * GB)
+    monkeypatch.setattr(limits, "free_memory", lambda: 16 * GB)
+    monkeypatch.setattr(limits.resource, "getrlimit", lambda what: (1024, 4096))
+
+
+@pytest.mark.parametrize(
+    ("option", "named"),
+    [
+        ("budget=1000000000", "budget=1000000000 needs about 8.00 EB of memory"),
+        ("seeds=1000000000", "seeds=1000000000 makes a study of 1.00e+09 missions"),
+        ("grid=[80000,8000]", "grid=[80000, 8000] needs about"),
+        ("planner.iterations=1000000000000", "planner.iterations=1000000000000"),
+        ("robot.steering_angles=1000000000", "robot.steering_angles=1000000000"),
+    ],
+)
+def test_what_cannot_fit_is_refused_with_the_option_to_lower(
+    option, named, machine, capfd, tmp_path
+):
+    assert main(["run", *OPTIONS, option, f"results_dir={tmp_path}"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith(f"infoplan: {named}")
+    assert "16.0 GB" in said
+    assert len(said.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_long_pilot_is_refused_before_its_path_is_made(machine, capfd, tmp_path):
+    options = [*OPTIONS, "model=own", "model.function=own_methods.Smooth", "budget=2000000000"]
+    options += ["pilot.samples=1000000000", f"results_dir={tmp_path}"]
+    assert main(["run", *options]) == 2
+    assert "pilot.samples=1000000000" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"budget": 5000, "grid": [200, 200]},
+        {"budget": 20_000},
+        {"budget": 20_000, "model": GpConfig(dtype="float32")},
+        {"budget": 5000, "model": StudentTConfig()},
+        {"grid": [2, 100_000]},
+        {"grid": [1000, 1000]},
+    ],
+)
+def test_what_users_mean_is_not_refused(changes, machine):
+    limits.check_mission(replace(quick(), **changes))
+
+
+def test_single_precision_takes_half():
+    double, single = (replace(quick(), budget=30_000, model=GpConfig(dtype=dtype))
+                      for dtype in ("float64", "float32"))  # fmt: skip
+    assert limits.memory_of(double) == pytest.approx(8 * 30_000**2, rel=0.05)
+    assert limits.memory_of(single) == pytest.approx(4 * 30_000**2, rel=0.05)
+
+
+def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, tmp_path):
+    sweep = [
+        "sensor.noise_std=range(0,1000)",
+        "rho=" + ",".join(f"{k / 1000}" for k in range(1000)),
+    ]
+    assert main(["run", "-m", *OPTIONS, *sweep, f"results_dir={tmp_path}"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith("infoplan: this sweep has 1000000 configurations, which take 90.0 GB")
+
+
+def test_a_mission_from_python_is_refused_too(machine, volcano):
+    with pytest.raises(UsageError, match=r"budget=100000000 needs about"):
+        Mission(replace(quick(), budget=100_000_000), volcano, 0)
+
+
+def test_workers_are_as_many_as_the_memory_holds(machine, monkeypatch):
+    missions = [quick(), replace(quick(), budget=20_000)]
+    each = limits.WORKER_BYTES + limits.memory_of(missions[1])
+    workers, why = limits.affordable_workers(1000, missions)
+    assert workers == int(16 * GB / each)
+    assert why.startswith(f"{workers} workers instead of 1000: each may take")
+    assert "16.0 GB are free" in why
+    assert limits.affordable_workers(2, missions) == (2, "")
+    monkeypatch.setattr(limits, "free_memory", lambda: 0.0)
+    assert limits.affordable_workers(2, missions)[0] == 1
+
+
+def test_workers_are_as_many_as_there_may_be_open_files(machine, monkeypatch):
+    monkeypatch.setattr(limits.resource, "getrlimit", lambda what: (64, 64))
+    workers, why = limits.affordable_workers(50, [quick()])
+    assert workers == 8
+    assert "64 files open (ulimit -n)" in why
+
+
+def test_few_descriptors_are_enough(tmp_path):
+    line = " ".join([*(f"'{option}'" for option in OPTIONS), f"results_dir={tmp_path}"])
+    command = f"ulimit -n 32; exec '{sys.executable}' -m infoplan.cli run {line} seeds=3 n_jobs=3"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 worker instead of 3" in done.stdout
+    assert len(curves(tmp_path)) == 3
+
+
+def test_the_limits_of_control_groups_count(monkeypatch, tmp_path):
+    both = [("0::/box/inner", "box", "memory.max", "memory.current"),
+            ("4:cpu,memory:/box/inner", "memory/box", "memory.limit_in_bytes",
+             "memory.usage_in_bytes")]  # fmt: skip
+    monkeypatch.setattr(limits, "CGROUPS", tmp_path)
+    real = limits._lines
+    for line, folder, limit, usage in both:
+        place = tmp_path / folder
+        (place / "inner").mkdir(parents=True)
+        (place / "inner" / limit).write_text("max\n")
+        (place / "inner" / usage).write_text("5\n")
+        (place / limit).write_text("3000000000\n")
+        (place / usage).write_text("1000000000\n")
+        monkeypatch.setattr(
+            limits, "_lines",
+            lambda path, line=line: [line] if path.name == "cgroup" else real(path),
+        )  # fmt: skip
+        assert limits.machine_memory() == 3e9
+        assert limits.free_memory() <= 2e9
+
+
+def test_a_day_is_warned_of_and_not_refused():
+    assert limits.warning_of_time(3 * 86_400.0, 4) == ""
+    assert "about 3.00 days with 1 worker" in limits.warning_of_time(3 * 86_400.0, 1)
+    assert limits.seconds_of(quick()) < 60
+    slow = replace(quick(), budget=100_000)
+    assert limits.seconds_of(slow) > 86_400
+    many = replace(quick(), planner=replace(quick().planner, iterations=10**9))
+    assert limits.seconds_of(many) > limits.seconds_of(quick()) + 600
+
+
+def test_a_count_of_seeds_is_no_list():
+    assert len(seed_list(10**12)) == 10**12
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["budget=3000"],
+        ["budget=3000", "model.dtype=float32"],
+        ["budget=1500", "model=student_t"],
+        ["budget=1500", "detector=gp_residual", "detector.scope=historical"],
+        ["budget=1500", "detector=local", "detector.scope=historical"],
+        ["budget=130", "grid=[1000,1000]"],
+        ["budget=130", "planner=puct", "planner.iterations=1000000"],
+    ],
+    ids=" ".join,
+)
+def test_estimates_are_near_what_missions_take(options):
+    """Peak of the memory of a mission, in a process of its own, above that of a small one."""
+    code = """
+import pickle, resource, sys
+from infoplan.api import configure, load_terrain
+from infoplan.mission import Mission
+from infoplan.study.identity import identify
+from infoplan.study.limits import memory_of
+from infoplan.study.store import build_tables
+
+terrain = load_terrain("volcano")
+
+
+def fly(*options):
+    config = configure("terrain=volcano", "detector=none", "planner=random", "grid=[10,10]",
+                       "model.pilot_iterations=1", "model.iterations=1", *options)
+    run = identify(config, terrain)
+    mission = Mission(run.config, terrain, 0)
+    pickle.dumps(build_tables(run, mission, list(mission.run())))
+    return memory_of(config), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+wanted = sys.argv[1:]
+large = ("budget", "grid", "planner.iterations")
+small = [option for option in wanted if not option.startswith(large)]
+_, before = fly("budget=120", *small)
+estimate, after = fly(*([] if "planner=puct" in wanted else ["planner.actions=60"]), *wanted)
+print(estimate / (1024 * (after - before)))
+"""
+    done = subprocess.run([sys.executable, "-c", code, *options], capture_output=True, text=True)
+    assert 0.4 < float(done.stdout) < 1.6, done.stdout + done.stderr
