@@ -40,7 +40,7 @@ def test_a_wrong_value_is_named(change, words):
 
 @pytest.mark.parametrize(("seeds", "expected"), [(3, [0, 1, 2]), ([4, 0], [4, 0])])
 def test_seeds(seeds, expected):
-    assert seed_list(seeds) == expected
+    assert list(seed_list(seeds)) == expected
 
 
 @pytest.mark.parametrize("seeds", [0, -1, [], [1, 1], [1, -2], [1.5], "ten", True, None, 2.0])
