@@ -187,7 +187,7 @@ def _animate(arguments: list[str]) -> int:
     chosen = parse(
         "animate",
         arguments,
-        {"results_dir": "results", "run": "", "seed": 0, "format": "gif", "fps": 4},
+        {"results_dir": "results", "run": "", "seed": 0, "format": "gif", "fps": 4, "trust": False},
     )
     path = animate(
         Path(chosen["results_dir"]).expanduser(),
@@ -196,6 +196,7 @@ def _animate(arguments: list[str]) -> int:
         seed=chosen["seed"],
         file_format=chosen["format"],
         fps=chosen["fps"],
+        trust=chosen["trust"] is True,
     )
     print(f"animated to {path}")
     return EXIT_OK
