@@ -188,3 +188,11 @@ def test_repeated_control_points_take_the_chord():
 def test_bad_control_points_are_a_usage_error(control_points, message):
     with pytest.raises(UsageError, match=message):
         bezier_path(control_points, EXTENT, 10)
+
+
+def test_a_vanishing_tangent_takes_the_next_sample_and_not_the_last():
+    path = bezier_path([[0, 0], [0, 0], [1, 0], [1, 1]], (0.0, 10.0, 0.0, 10.0), 9)
+    dx, dy = path[1, :2] - path[0, :2]
+    assert path[0, 2] == pytest.approx(np.arctan2(dy, dx))
+    dx, dy = path[-1, :2] - path[0, :2]
+    assert abs(path[0, 2] - np.arctan2(dy, dx)) > 0.3

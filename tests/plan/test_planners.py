@@ -232,3 +232,23 @@ def test_nearest_action_against_all_sequences(pose, lookahead):
             assert found == min(costs, key=costs.get)[0]
             return
     assert found is None
+
+
+def test_wide_spacing_keeps_tracks_a_quarter_off_the_borders():
+    path = coverage_path(np.array([25.0, 25.0]), (0.0, 50.0, 0.0, 50.0), 40.0, 0.5, 400.0)
+    for corner in itertools.product((12.5, 37.5), repeat=2):
+        assert np.hypot(*(path - corner).T).min() < 0.5
+
+
+def test_one_track_may_be_longer_than_all_that_is_driven():
+    path = coverage_path(np.zeros(2), (0.0, 1000.0, 0.0, 1000.0), 5.0, 0.7, 10.0)
+    assert 10.0 <= 0.7 * (len(path) - 1) <= 10.0 + 2 * 0.7
+
+
+@pytest.mark.parametrize("outside", [0, 1, 2])
+def test_one_pose_outside_is_enough(outside):
+    scene = situation(extent=(0.0, 10.0, 0.0, 10.0))
+    poses = np.array([[5.0, 5.0, 0.0], [5.0, 10.0, 0.0], [0.0, 5.0, 0.0]])
+    assert scene.stays_inside(poses)
+    poses[outside, 1] = 10.1
+    assert not scene.stays_inside(poses)
