@@ -4,6 +4,7 @@ Hydra's grammar would read ``2024_11_25`` as a number and refuse ``dem (1).npy``
 text are therefore read here, in one way for every command.
 """
 
+import math
 import re
 import shlex
 from functools import cache
@@ -153,10 +154,10 @@ def decimal(value: float) -> float:
     Steps of 0.1 lead to 0.30000000000000004, which is another number than 0.3 and would be
     another run. A number that is no such decimal is itself; -0.0 is 0.0.
     """
-    if not np.isfinite(value):
+    if not math.isfinite(value):
         return value
     short = float(f"{value:.12g}")
-    near = abs(value - short) <= 16 * float(np.spacing(abs(value)))
+    near = abs(value - short) <= 16 * math.ulp(value)
     return (short if near else value) + 0.0
 
 
