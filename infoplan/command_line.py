@@ -376,13 +376,28 @@ class UserPath(click.ParamType):
     def __init__(self, folder: bool = False):
         self.folder, self.words = folder, "a folder" if folder else "a path"
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> Path:
+    def convert(self, value: Any, param: Any, ctx: Any) -> Path | None:
         """Read it."""
-        return user_path(value)
+        from infoplan.text_options import typed_text
+
+        text = typed_text(param.word, str(value))
+        return None if text is None else user_path(text)
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
         """Offer what is there."""
         return path_items(incomplete, folders_alone=self.folder)
+
+
+class Text(click.ParamType):
+    """Text as the user typed it."""
+
+    name, words = "text", "text"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> str | None:
+        """Read it."""
+        from infoplan.text_options import typed_text
+
+        return typed_text(param.word, str(value))
 
 
 class Number(click.FloatRange):

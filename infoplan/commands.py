@@ -18,6 +18,7 @@ from infoplan.command_line import (
     Command,
     Group,
     Number,
+    Text,
     UserPath,
     hydra_flag,
     page_width,
@@ -416,7 +417,7 @@ def leaderboard(
 @setting("seeds", Seeds(), "which seeds; all if left out")
 @setting("epochs", Epochs(), "which epochs are recomputed; all if left out")
 @setting("terrain.path", UserPath(), "file of the runs whose map came from one, to check the truth")
-@setting("terrain.member", click.STRING, "the map's name in a .zip archive")
+@setting("terrain.member", Text(), "the map's name in a .zip archive")
 def audit(
     run: str | None,
     results_dir: Path,
@@ -449,8 +450,8 @@ def audit(
 @setting("format", click.Choice(["gif", "mp4"]), "of the file; mp4 needs ffmpeg", default="gif")
 @setting("fps", Number(min=0, max=50, min_open=True), "pictures a second", default=4.0)
 @TRUST
-@setting("detector.function", click.STRING, "the run's own detector, which may be imported then")
-@setting("model.function", click.STRING, "the run's own model, which may be imported then")
+@setting("detector.function", Text(), "the run's own detector, which may be imported then")
+@setting("model.function", Text(), "the run's own model, which may be imported then")
 def animate(
     run: str | None,
     results_dir: Path,

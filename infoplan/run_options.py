@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 from infoplan.command_line import More, Setting, path_items, written
 from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig, allowed, options
 from infoplan.errors import UsageError
+from infoplan.text_options import decimal, typed_text
 
 GROUPS: dict[str, dict[str, Any]] = {
     **METHODS,
@@ -67,9 +68,9 @@ class Value(click.ParamType):
             return None
         try:
             if self.kind.startswith("str"):
-                return text
+                return typed_text(param.word, text)
             if self.kind.startswith("float"):
-                return float(text)
+                return decimal(float(text))
             return yaml.safe_load(text)
         except (ValueError, yaml.YAMLError) as error:
             raise UsageError(f"{param.word}={text} cannot be read: it is {self.words}") from error
