@@ -176,7 +176,7 @@ def test_the_rounding_of_steps_makes_no_other_number():
     assert kept.detector.params == {"a": 0.3}
 
 
-@given(st.integers(-(10**12) + 1, 10**12 - 1), st.integers(-20, 20), st.integers(-3, 3))
+@given(st.integers(1, 10**12 - 1), st.integers(-20, 20), st.integers(-3, 3))
 def test_a_decimal_of_twelve_digits_survives_rounding(digits, exponent, steps):
     exact = float(f"{digits}e{exponent}")
     near = exact + steps * float(np.spacing(abs(exact)))
