@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from dataclasses import fields, is_dataclass
 from datetime import datetime
+from decimal import Decimal
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -98,6 +99,10 @@ VALUED_FLAGS = {
     "--config-dir": "a folder",
 }
 """Flags that need a value, and what it is."""
+
+NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
+DECIMAL_RANGE = re.compile(rf"range\((?=[^)]*[.eE]){NUMBER},{NUMBER}(?:,{NUMBER})?\)")
+"""A range of Hydra's of which a number has decimals."""
 
 BASIC_SWEEPER = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 """Hydra's sweeper that runs all combinations and searches for nothing."""
@@ -349,6 +354,8 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
     parser = OverridesParser.create()
     own = _own_texts(overrides)
     words = [_readable(override, several, own, parser) for override in overrides]
+    if several and not _values_of("hydra/sweeper", overrides):
+        words = [_stepped(word) for word in words]
     for typed, word in zip(overrides, words, strict=True):
         try:
             parser.parse_override(word)
@@ -400,6 +407,21 @@ def _readable(
             return f"{name}={_texts_in_choice(bare, value)}"
     texts = typed_texts(bare, value) if several else [typed_text(bare, value)]
     return f"{name}={','.join(map(for_hydra, texts))}"
+
+
+def _stepped(word: str) -> str:
+    """Write a range of decimals as its values: Hydra's steps are rounded, and may reach the stop.
+
+    Sweepers that search take a range as a whole.
+    """
+    name, _, value = word.partition("=")
+    match = DECIMAL_RANGE.fullmatch(value)
+    if not match:
+        return word
+    start, stop, step = (Decimal(part or "1") for part in match.groups())
+    count = math.ceil((stop - start) / step) if step else 0
+    values = [start + i * step for i in range(count)]
+    return f"{name}={','.join(map(str, values))}" if values else word
 
 
 def _texts_in_choice(name: str, value: str) -> str:
