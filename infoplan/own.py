@@ -236,13 +236,15 @@ def fits(value: Any, kind: Any) -> bool:
 
     Numbers for a float are finite, and whole ones will do; true and false are no numbers.
     """
+    if type(value) is kind and kind in (int, bool, str):
+        return True
     return any(_fits_one(value, member) for member in _alternatives(kind))
 
 
 def _fits_one(value: Any, kind: Any) -> bool:
-    base, inner = get_origin(kind) or kind, get_args(kind)
     if kind is Any:
         return True
+    base, inner = get_origin(kind) or kind, get_args(kind)
     if kind in (None, NoneType):
         return value is None
     if base is float:

@@ -195,8 +195,15 @@ def check_science(science: dict[str, Any], run: str) -> None:
     MisfitError
         If not.
     """
+    _demand_science(json.dumps(science), run)
+
+
+@lru_cache(maxsize=256)
+def _demand_science(text: str, run: str) -> None:
+    """Do as `check_science`, once for all missions of a run."""
+    science = json.loads(text)
     try:
-        _config(json.dumps(science))
+        _config(text)
     except ValueError as error:
         raise MisfitError(f"its configuration does not fit this version ({error})") from error
     if digest(science) != run.rpartition("-")[2]:
@@ -269,7 +276,7 @@ def _check_footer(footer: Footer) -> None:
         and COMMIT.fullmatch(git["commit"])
     ):
         raise MisfitError("git holds something else than a commit and whether it was dirty")
-    check_science(footer.configuration, footer.run)
+    _demand_science(json.dumps(footer.configuration), footer.run)
     stored = footer.configuration["terrain"]
     if footer.terrain != {"name": stored["name"], "sha256": stored["sha256"]}:
         raise MisfitError("terrain is not that of the configuration")

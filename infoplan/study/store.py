@@ -212,7 +212,7 @@ def seed_of(stem: str) -> int | None:
 def inspect(results_dir: Path, run: str, seed: int) -> Stored:
     """Look whether a mission is done and its three tables are whole, belong to it and together.
 
-    All values are read and compared with their digest, in about two milliseconds.
+    All values are read and compared with their digest, in a few milliseconds.
     """
     if not os.path.lexists(table_path(results_dir, "curves", run, seed)):
         return Stored("missing")
