@@ -15,6 +15,7 @@ import numpy as np
 import platformdirs
 import pytest
 
+from infoplan import caches
 from infoplan.errors import RunError, UsageError
 from infoplan.terrain import (
     TerrainFallbackWarning,
@@ -224,9 +225,20 @@ class TestDownload:
         with pytest.warns(TerrainFallbackWarning, match="another SHA-256"):
             assert load_terrain("helens").name == "volcano"
 
-    def test_a_cache_that_cannot_be_written_is_named(self, server, cache):
+    def test_where_the_cache_cannot_be_written_a_temporary_folder_keeps_it(
+        self, server, cache, tmp_path, monkeypatch
+    ):
         stored(cache.parent, name="infoplan")  # a file where the folder should be
-        with pytest.raises(RunError, match=r"helens\.npy cannot be kept in .*infoplan"):
+        own = tmp_path / "own"
+        own.mkdir()
+        monkeypatch.setattr(caches, "temporary_folder", lambda: own)
+        assert fetch_helens() == own / "helens.npy"
+        assert find_helens() == own / "helens.npy"
+
+    def test_where_nothing_can_be_written_it_says_so(self, server, cache, monkeypatch):
+        stored(cache.parent, name="infoplan")
+        monkeypatch.setattr(caches, "temporary_folder", lambda: None)
+        with pytest.raises(RunError, match=r"helens\.npy can be kept nowhere.*XDG_CACHE_HOME"):
             fetch_helens()
 
 
