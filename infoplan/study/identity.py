@@ -139,7 +139,8 @@ def stored_terrains(
         options = vars(config_from_science(science).terrain)
         digest = science["terrain"]["sha256"]
         kind = terrain_kind(options["name"])
-        if kind == "own" or math.prod(options.get("shape") or [1]) > MAX_ROWS:
+        shape = options.get("shape")
+        if kind == "own" or (isinstance(shape, list) and math.prod(shape) > MAX_ROWS):
             continue
         if kind == "helens":
             options["path"] = find_helens()
