@@ -17,7 +17,7 @@ figures: $(VENV)/.installed ## run what is missing of the paper's Fig. 5, then d
 	$(BIN)/python scripts/make_figures.py $(if $(BUDGET),budget=$(BUDGET)) $(if $(SEEDS),seeds=$(SEEDS)) $(ARGS)
 
 test: $(VENV)/.installed-dev ## set up and run the tests
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses auto $(ARGS)
 
 test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes: kills, benchmarks, real elevation models
 	$(BIN)/python -m pytest -m long $(ARGS)

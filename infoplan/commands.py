@@ -6,6 +6,7 @@ completion stay quick.
 """
 
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -507,7 +508,11 @@ def show_terrain(results_dir: Path, overrides: list[str]) -> int:
     options = vars(compose_terrain(overrides))
     if "on_missing" in options:
         options["on_missing"] = "error"
-    loaded = load_terrain(**options)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        loaded = load_terrain(**options)
+    for warning in caught:
+        print(f"WARNING: {warning.message}", file=sys.stderr)
     print(describe(loaded))
     print(f"drawn to {draw_terrain(loaded, results_dir / 'figures')}")
     return EXIT_OK

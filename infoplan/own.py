@@ -207,7 +207,9 @@ def _import(name: str, asked: str) -> ModuleType:
                 "installed packages: go to the folder that holds it, or install it"
             ) from error
         raise UsageError(f"{asked}: {name} cannot be imported: {error}") from error
-    except (Exception, SystemExit) as error:  # the module is the user's: anything may happen in it
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the module is the user's: anything may happen in it
         reason = " ".join(str(error).split())
         raise UsageError(
             f"{asked}: {name} cannot be imported: {type(error).__name__}: {reason}"

@@ -306,10 +306,12 @@ def replay_run(
     admit(config, source.science, _named_functions(overrides), trust, tell)
     run = identify_replay(source, config)
     wanted = source.seeds if seeds is None else seed_list(seeds)
-    if missing := sorted(set(wanted) - set(source.seeds)):
+    stored = set(source.seeds)
+    # The first will do: a count may stand for a thousand million of them.
+    if (missing := next((seed for seed in wanted if seed not in stored), None)) is not None:
         raise UsageError(
-            f"seeds={missing} of {source.name} are not stored: use some of {source.seeds}, or fly "
-            "them with infoplan run"
+            f"seed {missing} of {source.name} is not stored: use some of {source.seeds}, or fly it "
+            "with infoplan run"
         )
     if n_jobs == 0:
         raise UsageError("n_jobs=0 runs nothing: give a number of workers, or -1 for all cores")

@@ -169,12 +169,13 @@ def audit(
         run = choose_run(run, runs, str(results_dir))
         stored = [(name, seed) for name, seed in stored if name == run]
     if seeds is not None:
-        present = sorted({seed for _, seed in stored})
-        missing = [seed for seed in seeds if seed not in present]
-        if missing:
+        present = {seed for _, seed in stored}
+        # The first will do: a count may stand for a thousand million of them.
+        missing = next((seed for seed in seeds if seed not in present), None)
+        if missing is not None:
             raise UsageError(
-                f"seeds={missing} of {run or 'any run'} are not stored in {results_dir}: "
-                f"use some of {present}"
+                f"seed {missing} of {run or 'any run'} is not stored in {results_dir}: "
+                f"use some of {sorted(present)}"
             )
         stored = [(name, seed) for name, seed in stored if seed in seeds]
     return (
