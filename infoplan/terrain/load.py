@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from infoplan.config import (
     TERRAIN_SCHEMAS,
     FileConfig,
@@ -140,10 +142,20 @@ def _configured(name: str, options: dict[str, Any]) -> TerrainConfig:
                 f"terrain={kind} has no option terrain.{key}{suggest(key, known)}: "
                 f"it takes {', '.join(known[1:])}"
             )
-    config = schema(**(options | {"name": kind}))
+    given = {key: _plain(value) for key, value in options.items()}
+    config = schema(**(given | {"name": kind}))
     config.extent = list(checked_extent(config.extent))
     check_options(config, "terrain.")
     return config
+
+
+def _plain(value: Any) -> Any:
+    """Give a value of Python's the type that it has in a configuration: a path is text."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _built_in(config: TerrainConfig) -> Source:
