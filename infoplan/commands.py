@@ -219,6 +219,7 @@ def replay(
     from functools import partial
 
     from infoplan.draw.replay_table import print_replay
+    from infoplan.draw.table_layout import say
     from infoplan.study.replay import replay_run
     from infoplan.study.summary import wide_console
 
@@ -228,7 +229,7 @@ def replay(
             "<run> is its name or hash (infoplan status lists them)"
         )
     console = wide_console()
-    tell = partial(console.print, soft_wrap=True, markup=False)
+    tell = partial(say, console)
     done = replay_run(
         results_dir,
         run,

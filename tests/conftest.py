@@ -1,5 +1,6 @@
 """Fixtures that all tests share: a small map, a small mission, the command line."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from hypothesis import settings
 
 from infoplan.config import Config, TerrainConfig
 from infoplan.terrain import Terrain, load_terrain
+
+# Workers of pytest-xdist have a width of 80, for which tables are laid out; pipes have none.
+os.environ.pop("COLUMNS", None)
 
 # The first example may compile kernels, and a loaded machine is no fault.
 settings.register_profile("infoplan", deadline=None)

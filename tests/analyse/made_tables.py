@@ -39,10 +39,10 @@ SIDE = 26
 """Nodes of the made-up query grid along a side of the workspace, 50 units."""
 
 
-def truth() -> np.ndarray:
+def truth(rows: int = SIDE, columns: int = SIDE) -> np.ndarray:
     """Elevations on the query grid: smooth in the west, rugged in the east, deviation 100."""
-    i, j = np.mgrid[:SIDE, :SIDE]
-    rough = np.where(j > SIDE // 2, (-1.0) ** (i + j) * 5.0, 0.02 * (i + j))
+    i, j = np.mgrid[:rows, :columns]
+    rough = np.where(j > columns // 2, (-1.0) ** (i + j) * 5.0, 0.02 * (i + j))
     return (rough - rough.mean()) / rough.std() * 100.0 + 1000.0
 
 
@@ -104,13 +104,14 @@ def store(
         "tn": tn,
         **{f"{part}_seconds": [0.25] * rows for part in ("plan", "fit", "predict", "detect")},
     }
-    y, x = (axis.ravel() for axis in np.mgrid[0 : 50 : SIDE * 1j, 0 : 50 : SIDE * 1j])
+    grid = configuration["grid"]
+    y, x = (axis.ravel() for axis in np.mgrid[0 : 50 : grid[0] * 1j, 0 : 50 : grid[1] * 1j])
     maps = {
         "seed": [seed] * len(x),
         "x1": x,
         "x2": y,
-        "truth": truth().ravel(),
-        "mean": (truth() if mean is None else mean).ravel(),
+        "truth": truth(*grid).ravel(),
+        "mean": (truth(*grid) if mean is None else mean).ravel(),
         "std": np.full(len(x), std),
         "outlier_density": np.zeros(len(x)),
     }
@@ -145,9 +146,10 @@ def configured(
     """Return the nested configuration of a run."""
     planner, detector = method.split("-")
     config = MissionConfig(rho=rho, budget=budget, grid=[SIDE, SIDE])
-    config.planner, config.detector = METHODS["planner"][planner], METHODS["detector"][detector]
+    for group, name in {"planner": planner, "detector": detector}.items():
+        if group not in options:  # what is not built in is given with all its options
+            setattr(config, group, METHODS[group][name])
     configuration = asdict(config)
-    configuration["planner"]["name"] = planner
     configuration["detector"]["scope"] = "batch" if detector in ("none", "best") else scope
     schema = TERRAIN_SCHEMAS[terrain_kind(terrain)]
     configuration["terrain"] = {

@@ -1,5 +1,6 @@
 """Whatever was flown can be drawn: by report, figures and animation, under its right name."""
 
+import hashlib
 import json
 import re
 import sys
@@ -146,11 +147,11 @@ def test_what_is_not_built_in_can_be_animated_without_its_code(label, chosen, tm
 
 
 def test_own_methods_are_imported_where_they_are_trusted(tmp_path, monkeypatch):
-    (tmp_path / "trusted_methods.py").write_text(
-        "def high(samples, model, rng):\n    return samples.measured > 1100, samples.measured\n"
-    )
+    code = b"def high(samples, model, rng):\n    return samples.measured > 1100, samples.measured\n"
+    (tmp_path / "trusted_methods.py").write_bytes(code)
     monkeypatch.chdir(tmp_path)
-    made_methods.store(tmp_path, detector="trusted_methods.high")
+    flown_with = hashlib.sha256(code).hexdigest()
+    made_methods.store(tmp_path, detector="trusted_methods.high", detector__sha256=flown_with)
     assert "trusted_methods" not in animated(tmp_path).partition("such as")[0]
     assert "trusted_methods" not in sys.modules
     said = animated(tmp_path, trust=True)
@@ -174,8 +175,8 @@ def test_a_note_blames_the_option_that_differs(tmp_path):
     made_methods.store(tmp_path, "lawnmower", "copod", planner__spacing=3.0)
     (note,) = find_study(tmp_path).notes
     assert note == (
-        "1 run with other than the default planner.spacing left out; "
-        "choose with planner.spacing=..."
+        "1 run with other than the default planner.spacing is left out; "
+        "choose it with planner.spacing=..."
     )
 
 
@@ -210,7 +211,7 @@ def test_swept_options_are_in_the_report(tmp_path):
     assert ">planner.exploration</th>" in table
     for run, value in ((usual, "0.3"), (other, "0.5")):
         assert re.search(rf">{run}</th><td[^>]*>0</td><td[^>]*>{value}</td>", table)
-    assert "1 run with other than the default planner.exploration left out" in page
+    assert "1 run with other than the default planner.exploration is left out" in page
 
 
 def test_labels_are_different_for_different_methods():

@@ -156,12 +156,15 @@ def test_poor_encodings_get_plain_characters(folder, command, encoding, monkeypa
     assert "\\u" not in said
 
 
-def test_a_closed_output_is_no_error_of_a_table(folder):
+def test_a_closed_output_is_told_in_one_sentence(folder):
     shell = 'exec "$0" -m infoplan.cli "$@" >&-'
     done = subprocess.run(
         ["sh", "-c", shell, sys.executable, *line("status", folder)], capture_output=True, text=True
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1
+    assert done.stderr == (
+        "infoplan: standard output cannot be written (it is closed): what it should show is lost\n"
+    )
 
 
 # Labels of any text, and a map of tiny values
