@@ -259,7 +259,7 @@ def replay_run(
     named: str,
     overrides: Sequence[str],
     *,
-    seeds: Any = None,
+    seeds: Sequence[int] | None = None,
     n_jobs: int = -1,
     resume: bool = True,
     trust: bool = False,
@@ -276,7 +276,7 @@ def replay_run(
     overrides
         As of `reconfigure`.
     seeds
-        A count or a list; None: all that are done.
+        Which; None: all that are done.
     n_jobs
         Missions at a time; -1: one a core.
     resume
@@ -305,7 +305,7 @@ def replay_run(
     config = reconfigure(source.config, overrides)
     admit(config, source.science, _named_functions(overrides), trust, tell)
     run = identify_replay(source, config)
-    wanted = source.seeds if seeds is None else seed_list(seeds)
+    wanted = source.seeds if seeds is None else seeds
     stored = set(source.seeds)
     # The first will do: a count may stand for a thousand million of them.
     if (missing := next((seed for seed in wanted if seed not in stored), None)) is not None:

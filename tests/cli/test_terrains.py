@@ -148,8 +148,8 @@ BAD = {
     "terrain=file terrain.path=hills.dem terrain.nodata=true": "terrain.nodata=True is not",
     "terrain=file terrain.path=hills.dem terrain.nodata=nan": "terrain.nodata=nan must be finite",
     "terrain=volcano terrain.extent=[0,1e-9,0,1e-9]": "terrain.extent=[0.0, 1e-09, 0.0, 1e-09] is",
-    "terrain=volcano terrain.extent=[0,1e308,0,1e308]": "is no workspace",
-    "terrain=volcano terrain.extent=[-1e308,1e308,-1e308,1e308]": "is no workspace",
+    "terrain=volcano terrain.extent=[0,1e308,0,1e308]": "[0.0, 1e+308, 0.0, 1e+308] is",
+    "terrain=volcano terrain.extent=[-1e308,1e308,-1e308,1e308]": "1e+308, -1e+308, 1e+308] is",
 }
 
 

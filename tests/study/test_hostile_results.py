@@ -419,16 +419,32 @@ def test_reading_never_imports(theirs, arguments, capfd):
     assert "theirs" not in sys.modules
 
 
-@pytest.mark.parametrize("arguments", [["replay", "{}", "n_jobs=1"], ["animate", "run={}"]])
-def test_a_stored_function_needs_trust_and_its_digest(theirs, arguments, capfd):
+def test_a_replay_without_trust_is_refused(theirs, capfd):
     run, mark, module = theirs
-    line = [part.format(run) for part in arguments] + ["results_dir=results"]
-    assert main(line) == 2
+    assert main(["replay", run, "n_jobs=1", "results_dir=results"]) == 2
     said = capfd.readouterr().err
     assert "theirs.jumps" in said
     assert "trust=true" in said
     assert str(module) in said
     assert not mark.exists()
+    assert "theirs" not in sys.modules
+
+
+def test_an_animation_without_trust_shows_what_the_tables_hold(theirs, capfd):
+    run, mark, _ = theirs
+    assert main(["animate", f"run={run}", "results_dir=results"]) == 0
+    said = capfd.readouterr().out
+    assert "only the maps of the end are shown" in said
+    assert "theirs.jumps, without trust=true" in said
+    assert Path("results", "figures", f"{run}-seed0.gif").exists()
+    assert not mark.exists()
+    assert "theirs" not in sys.modules
+
+
+@pytest.mark.parametrize("arguments", [["replay", "{}", "n_jobs=1"], ["animate", "run={}"]])
+def test_a_trusted_function_needs_its_digest(theirs, arguments, capfd):
+    run, mark, module = theirs
+    line = [part.format(run) for part in arguments] + ["results_dir=results"]
     honest = module.read_text()
     module.write_text(honest + "# changed\n")
     assert main([*line, "trust=true"]) == 2

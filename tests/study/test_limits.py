@@ -30,7 +30,7 @@ def machine(monkeypatch):
         ("budget=1000000000", "budget=1000000000 needs about 8.00 EB of memory"),
         ("seeds=1000000000", "seeds=1000000000 makes a study of 1.00e+09 missions"),
         ("grid=[80000,8000]", "grid=[80000, 8000] needs about"),
-        ("planner.iterations=1000000000000", "planner.iterations=1000000000000"),
+        ("planner.iterations=1000000000", "planner.iterations=1000000000 needs about 104 GB"),
         ("robot.steering_angles=1000000000", "robot.steering_angles=1000000000"),
     ],
 )
