@@ -19,7 +19,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from infoplan.caches import kernel_note
-from infoplan.config import MissionConfig, TreeSearchConfig, seed_list, validate
+from infoplan.config import MissionConfig, TreeSearchConfig, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
 from infoplan.methods import admit, culprit_named
