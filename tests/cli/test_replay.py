@@ -169,7 +169,7 @@ BAD = {
     "detector.contaminatio=0.2": "detector.contamination",
     "detector=none,best": "several values",
     "detector=none detector.contamination=0.2": "has no option",
-    "seeds=[7]": "seeds=[7]",
+    "seeds=[7]": "seed 7 of",
     "another": "takes one run, not 2",
     "--json": "there is no flag '--json'",
 }

@@ -48,7 +48,10 @@ def test_others_finish_and_the_next_call_heals(backend, jobs, tmp_path, sabotage
     assert "worker died" in (folder / "failures" / run / "seed=2.txt").read_text()
     # What raised is not tried again, what was killed is: once.
     assert "seed 1  ArithmeticError" not in said
-    assert said.count("seed 2  its worker died") == said.count("seed 4  its worker died") == 1
+    # Dask may have given one of them to a worker that the other has killed: lost without a try.
+    most = 2 if backend == "dask" else 1
+    assert 1 <= said.count("seed 2  its worker died") <= most
+    assert 1 <= said.count("seed 4  its worker died") <= most
     assert "2 times" in said
 
     sabotage("")
