@@ -99,7 +99,10 @@ def test_the_page_of_run_tells_every_option_of_every_choice(capfd):
         "distance between samples (a number, above 0 and at most 1e+12, in workspace units)" in text
     )
     assert "Gaussian noise (a number, at least 0 and at most 1e+12, in the terrain's unit)" in text
-    assert "or as many as new samples (per_sample or a whole number, at least 0)" in text
+    assert (
+        "as many as new samples (per_sample or a whole number, at least 0 and at most 1e+09)"
+        in text
+    )
 
 
 def test_the_choice_that_is_made_comes_first(capfd):
