@@ -24,10 +24,10 @@ from infoplan.method_identity import OTHERS, PAPERS, labels, looks, method_of
 
 OTHER = {
     "UCT-NONE-STUDENT_T": {"model": "student_t"},
-    "LEFTMOST-HIGH-SMOOTH": {"planner": "own_methods.leftmost", "detector": "own_methods.high",
-                             "model": "own_methods.Smooth"},
+    "LEFTMOST-HIGH-SMOOTH": {"planner": "flown_methods.leftmost", "detector": "flown_methods.high",
+                             "model": "flown_methods.Smooth"},
     "UCT-PYOD_KNN": {"detector": "pyod_knn"},
-    "PUCT-HIGH": {"planner": "puct", "detector": "own_methods.high"},
+    "PUCT-HIGH": {"planner": "puct", "detector": "flown_methods.high"},
     "REPLAY-UCT-LOCAL": {"detector": "local", "replay": "uct-none-volcano-rho0.1-batch-0123abcd"},
 }  # fmt: skip
 """Label, and what was chosen."""
@@ -78,7 +78,7 @@ def test_what_is_not_built_in_has_a_report_and_curves(label, chosen, tmp_path):
     data = embedded(render(find_missions(tmp_path)))
     assert [one["name"] for one in data["methods"]] == [label]
     assert set(plotted_numbers(find_study(tmp_path))["method"]) == {label}
-    assert "own_methods" not in sys.modules
+    assert "flown_methods" not in sys.modules
 
 
 def test_a_report_of_everything_leaves_nothing_out(everything):
@@ -140,10 +140,10 @@ def test_what_is_not_built_in_can_be_animated_without_its_code(label, chosen, tm
     assert read_recording(tmp_path, run, 0).method == label
     said = animated(tmp_path)
     own = [chosen.get(group, "") for group in ("detector", "model")]
-    own = [name for name in own if "own_methods" in name]
+    own = [name for name in own if "flown_methods" in name]
     assert ("only the maps of the end are shown" in said) == bool(own)
     assert all(name in said for name in own)
-    assert "own_methods" not in sys.modules
+    assert "flown_methods" not in sys.modules
 
 
 def test_own_methods_are_imported_where_they_are_trusted(tmp_path, monkeypatch):
