@@ -21,6 +21,7 @@ from infoplan.config import (
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import NUMERICS_VERSION, Run
+from infoplan.study.limits import check_mission
 from infoplan.study.progress import COMPILING, Report
 from infoplan.study.provenance import provenance
 from infoplan.study.signals import Interrupted
@@ -99,20 +100,21 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
     started, clock, process = datetime.now(UTC), time.perf_counter(), os.getpid()
     report(task.number, 0, None)
     try:
-        _check_version(task.run)
+        run, seed, rows = task.run, task.seed, []
+        _check_version(run)
+        check_mission(run.config)
 
-        from infoplan.mission import Mission
+        from infoplan.mission import explore
+        from infoplan.simulator import Simulator
         from infoplan.threads import look_again, one_thread
 
         look_again()
         with one_thread():
-            mission = Mission(task.run.config, task.run.terrain, task.seed)
-            rows = []
-            for row in mission.run():
+            for state in explore(run.config, Simulator(run.config, run.terrain, seed), seed):
                 _end_if_forked(process)
-                rows.append(row)
-                report(task.number, row.collected, row.rmse)
-            tables = build_tables(task.run, mission, rows)
+                rows.append(state.row)
+                report(task.number, state.row.collected, state.row.rmse)
+            tables = build_tables(run, seed, rows, state)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -190,7 +192,8 @@ def get_ready(configs: list[MissionConfig], compiling: bool, report: Report) -> 
     report
         Called if compiling takes long.
     """
-    from infoplan.mission import Mission
+    from infoplan.mission import explore
+    from infoplan.simulator import Simulator
     from infoplan.terrain import load_terrain
 
     if any(config.detector.name == "pyod" for config in configs):
@@ -223,7 +226,7 @@ def get_ready(configs: list[MissionConfig], compiling: bool, report: Report) -> 
     for config in shrunk:
         with suppress(Exception), warnings.catch_warnings(action="ignore"):
             terrain = load_terrain("volcano", extent=config.terrain.extent)
-            for _ in Mission(config, terrain, seed=0).run():
+            for _ in explore(config, Simulator(config, terrain, seed=0), seed=0):
                 pass
     notice.cancel()
 

@@ -22,10 +22,14 @@ from infoplan.caches import kernel_note
 from infoplan.config import MissionConfig, TreeSearchConfig, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
-from infoplan.methods import admit, culprit_named
-from infoplan.mission import CurveRow, Mission, Samples
+from infoplan.methods import admit
+from infoplan.mission import explore
+from infoplan.samples import Samples
+from infoplan.scoring import State
+from infoplan.source import StoredSource
 from infoplan.study.flight import Outcome, Task, failed
 from infoplan.study.identity import Run, identify, run_name
+from infoplan.study.limits import check_mission
 from infoplan.study.locks import Lock, NoLocksError, acquire, no_locks
 from infoplan.study.provenance import git_state, provenance
 from infoplan.study.run_names import find_run
@@ -39,6 +43,7 @@ from infoplan.study.store import (
     save_mission,
 )
 from infoplan.terrain import Terrain
+from infoplan.terrain.surface import checked_extent
 from infoplan.threads import look_again, one_thread
 from infoplan.wording import figure
 
@@ -50,7 +55,7 @@ OPTIONS = ("planner.smoothing",)
 
 
 @dataclass(frozen=True)
-class Source:
+class FlownRun:
     """A stored run that is replayed.
 
     Attributes
@@ -86,14 +91,14 @@ class Replay:
     """
 
     run: Run
-    source: Source
+    source: FlownRun
     seeds: list[int]
     computed: int = 0
     failed: int = 0
     seconds: float = 0.0
 
 
-def find_source(results_dir: Path, named: str) -> Source:
+def find_flown(results_dir: Path, named: str) -> FlownRun:
     """Find the stored run that a name, a hash, or the beginning of either stands for.
 
     Raises
@@ -111,7 +116,7 @@ def find_source(results_dir: Path, named: str) -> Source:
         raise RunError(broken.reason or f"{name} has gone meanwhile: run it again")
     footer = next(iter(done.values())).footer
     assert footer is not None
-    return Source(name, footer.config, footer.configuration, list(done))
+    return FlownRun(name, footer.config, footer.configuration, list(done))
 
 
 def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> MissionConfig:
@@ -184,7 +189,7 @@ def _named_functions(overrides: Sequence[str]) -> set[str]:
     return {name.partition(".")[0] for name in names if name.endswith(".function")}
 
 
-def identify_replay(source: Source, config: MissionConfig) -> Run:
+def identify_replay(source: FlownRun, config: MissionConfig) -> Run:
     """Name the replay of a run: ``replay-...``, a hash over the source's name, too.
 
     `Run.science` gets the key ``replay``, the name of the run that was flown. The terrain is known
@@ -206,47 +211,42 @@ def identify_replay(source: Source, config: MissionConfig) -> Run:
     return Run(run_name(science), resolved, terrain, science)
 
 
-def replay_mission(
-    config: MissionConfig, terrain: Terrain, seed: int, samples: pd.DataFrame, maps: pd.DataFrame
-) -> tuple[Mission, list[CurveRow]]:
-    """Give a mission the stored samples, epoch by epoch, and evaluate it after each.
+def explore_again(
+    config: MissionConfig, seed: int, samples: pd.DataFrame, maps: pd.DataFrame
+) -> Iterator[State]:
+    """Give a belief the samples of a stored mission, epoch by epoch.
+
+    Nothing is planned or sensed: with the detector and model that it was flown with, the numbers
+    are those of the flight.
 
     Parameters
     ----------
-    config, terrain, seed
-        As of `Mission`; of the terrain only the extent counts.
+    config
+        Valid but for its terrain, of which only the extent counts.
+    seed
+        Of the detector's random streams.
     samples, maps
-        Tables of the mission that was flown; the map's truth is what predictions are scored by.
+        Tables of the mission; the maps' truth is what predictions are scored by.
 
-    Returns
-    -------
-    mission : Mission
-    rows : list of CurveRow
+    Yields
+    ------
+    State
         After the pilot and after each epoch.
     """
-    # Nobody plans: a planner of the user's own need not be there any more.
-    config = replace(config, planner=stand_in(config))
-    mission = Mission(config, terrain, seed)
-    mission.grid_truth = maps["truth"].to_numpy(dtype=np.float64)
-    n = len(samples)
-    stored = Samples(
-        epoch=samples["epoch"].to_numpy(dtype=np.int64),
-        x=samples[["x1", "x2"]].to_numpy(dtype=np.float64),
-        flagged=np.zeros(n, dtype=bool),
-        score=np.full(n, np.nan),
-        **{name: samples[name].to_numpy() for name in ("heading", "truth", "measured",
-                                                       "is_outlier")},
+    truth = maps["truth"].to_numpy(dtype=np.float64)
+    source = StoredSource(as_samples(samples), checked_extent(config.terrain.extent), truth)
+    # A planner of the user's own need not be there any more.
+    config = replace(config, planner=stand_in(config), budget=len(samples))
+    yield from explore(config, source, seed)
+
+
+def as_samples(table: pd.DataFrame) -> Samples:
+    """Read the table of samples."""
+    return Samples(
+        x=table[["x1", "x2"]].to_numpy(dtype=np.float64),
+        **{name: table[name].to_numpy() for name in ("epoch", "heading", "truth", "measured",
+                                                     "is_outlier", "flagged", "score")},
     )  # fmt: skip
-    rows = []
-    for mission.epoch in range(int(stored.epoch[-1]) + 1):
-        batch = stored[stored.epoch == mission.epoch]
-        with culprit_named(config, f"in epoch {mission.epoch}"):
-            if mission.epoch:
-                mission.observe(batch)
-            else:
-                mission.start(batch)
-            rows.append(mission.evaluate())
-    return mission, rows
 
 
 def stand_in(config: MissionConfig) -> TreeSearchConfig:
@@ -301,7 +301,7 @@ def replay_run(
     """
     from joblib import Parallel, delayed, parallel_config
 
-    source = find_source(results_dir, named)
+    source = find_flown(results_dir, named)
     config = reconfigure(source.config, overrides)
     admit(config, source.science, _named_functions(overrides), trust, tell)
     run = identify_replay(source, config)
@@ -390,10 +390,13 @@ def _replay_seed(results_dir: Path, source: str, task: Task) -> Outcome:
             read_table(results_dir, name, source, task.seed).to_pandas()
             for name in ("samples", "maps")
         )
+        check_mission(run.config)
         look_again()
         with one_thread():
-            mission, rows = replay_mission(run.config, run.terrain, task.seed, samples, maps)
-            tables = build_tables(run, mission, rows)
+            rows = []
+            for state in explore_again(run.config, task.seed, samples, maps):
+                rows.append(state.row)
+            tables = build_tables(run, task.seed, rows, state)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
