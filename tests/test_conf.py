@@ -6,8 +6,9 @@ from importlib.resources import files
 import pytest
 import yaml
 
-from infoplan.config import Config, MissionConfig, options
+from infoplan.config import Config, MissionConfig
 from infoplan.hydra_front import SCHEMAS
+from infoplan.options import walk
 
 CONF = files("infoplan.conf")
 
@@ -41,8 +42,6 @@ def test_the_root_equals_its_dataclass():
 
 
 def test_every_option_says_what_it_is():
-    for name, _, metadata in options(Config()):
+    for name, _, metadata in walk(Config()):
         assert metadata["doc"], name
-    assert {name for name, _, _ in options(MissionConfig())} < {
-        name for name, _, _ in options(Config())
-    }
+    assert {name for name, _, _ in walk(MissionConfig())} < {name for name, _, _ in walk(Config())}

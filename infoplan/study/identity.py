@@ -14,13 +14,12 @@ from infoplan.config import (
     MissionConfig,
     OwnTerrainConfig,
     TerrainConfig,
-    check_options,
     terrain_kind,
     validate,
 )
-from infoplan.config import options as walk
 from infoplan.errors import RunError, UsageError
 from infoplan.methods import complete, method_from_stored, stored_methods
+from infoplan.options import check_options, walk
 from infoplan.own import fits, in_words, load, resolve_options
 from infoplan.tables import MAX_ROWS
 from infoplan.terrain import Terrain, find_helens, load_terrain
