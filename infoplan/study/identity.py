@@ -27,9 +27,6 @@ from infoplan.terrain import Terrain, find_helens, load_terrain
 NUMERICS_VERSION = 1
 """Raised by hand whenever the same configuration and seed give other numbers than before."""
 
-SCHEMA_VERSION = 1
-"""Raised by hand whenever a table's columns or their meaning change."""
-
 
 @dataclass(frozen=True)
 class Run:
