@@ -8,82 +8,14 @@ numbers. `Config` adds what does not: seeds, workers, paths.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
 from infoplan.options import check_options, option, plain_number
 
 
-class TerrainOptions:
-    """Types of the options of all terrains, for type checkers; each terrain has its own of them."""
-
-    if TYPE_CHECKING:
-        path: str | None
-        on_missing: str
-        member: str | None
-        array: str | None
-        nodata: Any
-        shape: Any
-        crop: list[int] | None
-        seed: int
-        lengthscale: list[float]
-        amplitude: float
-        mean: float
-        function: str | None
-        options: dict[str, Any]
-
-
-class PlannerOptions:
-    """Types of the options of all planners, for type checkers; each planner has its own of them."""
-
-    if TYPE_CHECKING:
-        iterations: int
-        rollouts: int
-        exploration: float
-        noisy_std: bool
-        weight: float
-        actions: int
-        spacing: float
-        lookahead: int
-        function: str | None
-        options: dict[str, Any]
-
-
-class DetectorOptions:
-    """Types of the options of all detectors, for type checkers; each detector has its own."""
-
-    if TYPE_CHECKING:
-        contamination: float
-        score: str
-        model: str
-        features: list[str]
-        params: dict[str, Any]
-        threshold: float
-        one_by_one: bool
-        neighbours: int
-        function: str | None
-        options: dict[str, Any]
-
-
-class ModelOptions:
-    """Types of the options of all models, for type checkers; each model has its own of them."""
-
-    if TYPE_CHECKING:
-        amplitude: float
-        lengthscale: float
-        noise_variance: float
-        min_noise_variance: float
-        jitter: float
-        optimizer: str
-        learning_rate: float
-        dtype: str
-        dof: float
-        function: str | None
-        options: dict[str, Any]
-
-
 @dataclass
-class TerrainConfig(TerrainOptions):
+class TerrainConfig:
     """The ground truth and its workspace; the built-in maps have no further options."""
 
     name: str = option("volcano", "which map", choices=("volcano", "jacksboro"))
@@ -197,7 +129,7 @@ def terrain_kind(name: str) -> str:
 
 
 @dataclass
-class PlannerConfig(PlannerOptions):
+class PlannerConfig:
     """What all planners have."""
 
     name: str = option("", "planner")
@@ -278,7 +210,7 @@ class OwnPlannerConfig(PlannerConfig):
 
 
 @dataclass
-class DetectorConfig(DetectorOptions):
+class DetectorConfig:
     """What judges the samples."""
 
     name: str = option("none", "detector", choices=("none", "best"))
@@ -349,7 +281,7 @@ class OwnDetectorConfig(DetectorConfig):
 
 
 @dataclass
-class ModelConfig(ModelOptions):
+class ModelConfig:
     """What all models have."""
 
     name: str = option("", "model")
@@ -523,14 +455,45 @@ class OutliersConfig:
     )
 
 
+if TYPE_CHECKING:
+    Read = TypeVar("Read", covariant=True)
+    Written = TypeVar("Written", contravariant=True)
+
+    # For type checkers an option of any choice is there: which choice it is, is known at run time.
+    class AnyPlanner(WeightedConfig, GreedyConfig, LawnmowerConfig, RandomConfig, OwnPlannerConfig):
+        """Options of all planners."""
+
+    class AnyDetector(CopodConfig, PyodConfig, GpResidualConfig, LocalConfig, OwnDetectorConfig):
+        """Options of all detectors."""
+
+    class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
+        """Options of all terrains."""
+
+    class AnyModel(GpConfig, StudentTConfig, OwnModelConfig):
+        """Options of all models."""
+
+    class Choice(Generic[Read, Written]):
+        """A field that takes one of several schemas, and is read as if it were all."""
+
+        def __get__(self, owner: object, kind: Any = None) -> Read: ...
+
+        def __set__(self, owner: object, value: Written) -> None: ...
+
+
 @dataclass
 class MissionConfig:
     """All that decides the numbers of a mission, its seed and the map's bytes apart."""
 
-    planner: PlannerConfig = field(default_factory=TreeSearchConfig)
-    detector: DetectorConfig = field(default_factory=CopodConfig)
-    terrain: TerrainConfig = field(default_factory=HelensConfig)
-    model: ModelConfig = field(default_factory=GpConfig)
+    if TYPE_CHECKING:
+        planner: Choice[AnyPlanner, PlannerConfig] = Choice()
+        detector: Choice[AnyDetector, DetectorConfig] = Choice()
+        terrain: Choice[AnyTerrain, TerrainConfig] = Choice()
+        model: Choice[AnyModel, ModelConfig] = Choice()
+    else:
+        planner: PlannerConfig = field(default_factory=TreeSearchConfig)
+        detector: DetectorConfig = field(default_factory=CopodConfig)
+        terrain: TerrainConfig = field(default_factory=HelensConfig)
+        model: ModelConfig = field(default_factory=GpConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
