@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser bench check clean
+.PHONY: help run figures test test-long test-browser coverage bench check derived clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -32,6 +32,9 @@ check: $(VENV)/.installed-dev ## set up and run the linter and the type checker
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+derived: $(VENV)/.installed ## write conf/ and the columns in docs/results.md again, from the code that defines them
+	$(BIN)/python scripts/derive.py
 
 clean: ## remove the virtual environment and all caches; results stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

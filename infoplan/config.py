@@ -23,7 +23,7 @@ class TerrainConfig:
         [0.0, 50.0, 0.0, 50.0], "xmin, xmax, ymin, ymax", unit="workspace units", length=4
     )
     unit: str | None = option(
-        None, "unit of the elevations, converted where the map's own is known; null: its own"
+        None, "unit of the elevations; m, ft and us-ft are converted; null: the map's own"
     )
     orientation: int = option(
         0,
@@ -52,7 +52,11 @@ class FileConfig(TerrainConfig):
     """A map in a file; what is done to it, in this order: nodata, shape, crop."""
 
     name: str = option("file", "which map", choices=("file",))
-    path: str | None = option(None, "the map's file, or a .zip archive with it", science=False)
+    path: str | None = option(
+        None,
+        "the map: .npy, .npz, .csv, .tsv, .txt, .tif, .dem, .hgt, .asc, or a .zip archive of one",
+        science=False,
+    )
     member: str | None = option(
         None, "the map's name in a .zip archive; null: the only one", science=False
     )
@@ -71,8 +75,8 @@ class FileConfig(TerrainConfig):
     )
     crop: list[int] | None = option(
         None,
-        "first row, end row, first column, end column to keep, of the resampled map; from the end "
-        "if negative; null: all",
+        "first row, end row, first column, end column to keep, of the resampled map; row 0 is the "
+        "south; from the end if negative; null: all",
         length=4,
     )
 
@@ -97,8 +101,8 @@ class RandomFieldConfig(TerrainConfig):
         at_most=1e100,
         length=2,
     )
-    amplitude: float = option(300.0, "standard deviation", unit="the terrain's", above=0)
-    mean: float = option(1000.0, "mean", unit="the terrain's")
+    amplitude: float = option(300.0, "standard deviation", unit="the terrain's unit", above=0)
+    mean: float = option(1000.0, "mean", unit="the terrain's unit")
 
 
 @dataclass
@@ -204,8 +208,10 @@ class OwnPlannerConfig(PlannerConfig):
     """A planner of the user's."""
 
     name: str = option("own", "planner", choices=("own",))
-    function: str | None = option(None, "dotted path of the planner, module.function")
-    options: dict[str, Any] = option({}, "its options")
+    function: str | None = option(
+        None, "module.function; a module in the current directory is found"
+    )
+    options: dict[str, Any] = option({}, "its keyword-only parameters")
     noisy_std: bool = option(False, "deviation that it is given includes the learned noise")
 
 
@@ -240,7 +246,9 @@ class PyodConfig(DetectorConfig):
         ["y"], "what it sees, standardised: position and measurement", choices=("x1", "x2", "y")
     )
     contamination: float = option(0.1, "share of the data to flag", above=0, at_most=0.5)
-    params: dict[str, Any] = option({}, "further parameters of the class")
+    params: dict[str, Any] = option(
+        {}, "further parameters of the class, as in detector.params.n_neighbors=5"
+    )
 
 
 @dataclass
@@ -276,8 +284,10 @@ class OwnDetectorConfig(DetectorConfig):
     """A detector of the user's."""
 
     name: str = option("own", "detector", choices=("own",))
-    function: str | None = option(None, "dotted path of the detector, module.function")
-    options: dict[str, Any] = option({}, "its options")
+    function: str | None = option(
+        None, "module.function; a module in the current directory is found"
+    )
+    options: dict[str, Any] = option({}, "its keyword-only parameters")
 
 
 @dataclass
@@ -321,7 +331,12 @@ class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))
-    dof: float = option(4.0, "degrees of freedom of the noise", above=2, at_most=1e12)
+    dof: float = option(
+        4.0,
+        "degrees of freedom of the noise; the smaller, the less an outlier counts",
+        above=2,
+        at_most=1e12,
+    )
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
     noise_variance: float = option(
@@ -342,8 +357,8 @@ class OwnModelConfig(ModelConfig):
     """A model of the user's."""
 
     name: str = option("own", "model", choices=("own",))
-    function: str | None = option(None, "dotted path of the model, module.Class")
-    options: dict[str, Any] = option({}, "its options")
+    function: str | None = option(None, "module.Class; a module in the current directory is found")
+    options: dict[str, Any] = option({}, "keyword-only parameters of its constructor")
 
 
 METHODS: dict[str, dict[str, Any]] = {
@@ -424,7 +439,7 @@ class SensorConfig:
     noise_std: float = option(
         1.0,
         "standard deviation of the Gaussian noise",
-        unit="the terrain's",
+        unit="the terrain's unit",
         at_least=0,
         at_most=1e12,
     )

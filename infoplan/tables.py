@@ -109,7 +109,7 @@ def _table(doc: str, *columns: Column, since: str = FIRST) -> Table:
     return Table(doc, {column.name: column for column in columns}, since)
 
 
-ELEVATION = "the terrain's"
+ELEVATION = "the terrain's unit"
 LENGTH = "workspace units"
 SCALED = "scaled units"
 SECONDS = "s"

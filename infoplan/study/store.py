@@ -36,6 +36,7 @@ from infoplan.tables import (
     DURATIONS,
     MAX_BYTES,
     MAX_COLUMNS,
+    MAX_ROWS,
     MAX_SEED_DIGITS,
     SCHEMA_VERSION,
     TABLES,
@@ -504,7 +505,7 @@ def _demand_size(metadata: pq.FileMetaData, name: str, footer: Footer) -> None:
         "curves": (1, science["budget"]),
         "samples": (1, science["budget"]),
         "maps": (math.prod(science["grid"]), math.prod(science["grid"])),
-    }[name]
+    }.get(name, (0, MAX_ROWS))
     if not least <= rows <= most:
         raise MisfitError(f"it has {rows} rows, the configuration allows {least} to {most}")
     if metadata.num_columns > MAX_COLUMNS:
