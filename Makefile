@@ -25,6 +25,9 @@ test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes:
 test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
+coverage: $(VENV)/.installed-dev ## run the tests and tell which lines they reach, of all processes (htmlcov/index.html)
+	$(BIN)/python -m pytest --numprocesses auto --cov --cov-report=term --cov-report=html $(ARGS)
+
 bench: $(VENV)/.installed-bench ## set up and measure every speed figure (half an hour; ARGS=--quick for a look)
 	$(BIN)/python -m benchmarks.run $(ARGS)
 
@@ -37,7 +40,7 @@ derived: $(VENV)/.installed ## write conf/ and the columns in docs/results.md ag
 	$(BIN)/python scripts/derive.py
 
 clean: ## remove the virtual environment and all caches; results stay
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage*
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
