@@ -147,11 +147,23 @@ def test_a_row_s_further_fields_become_columns(small, volcano):
     """A column of the curve: in the schema and where it is computed, nowhere else."""
     mission = Mission(small, volcano, 0)
     rows = list(mission.run())
-    longer = make_dataclass("Longer", [("tide", float)], bases=(CurveRow,), frozen=True)
-    told = [longer(**{item.name: getattr(row, item.name) for item in fields(row)}, tide=0.5)
-            for row in rows]  # fmt: skip
+    longer = make_dataclass(
+        "Longer", [("tide", float), ("learned", dict)], bases=(CurveRow,), frozen=True
+    )
+    told = [
+        longer(
+            **{item.name: getattr(row, item.name) for item in fields(row)},
+            tide=0.5,
+            learned={"alpha": 2.0, "beta": row.rmse},
+        )
+        for row in rows
+    ]
     run = identify(small, volcano)
-    assert build_tables(run, mission, told).curves["tide"].to_pylist() == [0.5] * len(rows)
+    made = build_tables(run, mission, told).curves
+    assert made["tide"].to_pylist() == [0.5] * len(rows)
+    assert made["alpha"].to_pylist() == [2.0] * len(rows)
+    assert made["beta"].equals(made["rmse"])
+    assert made.column_names == [*TABLES["curves"].columns, "tide", "alpha", "beta"]
     assert build_tables(run, mission, rows).curves.column_names == list(TABLES["curves"].columns)
 
 
