@@ -85,9 +85,7 @@ Batch = tuple[np.ndarray, np.ndarray]
 
 def accepted_batches(samples: Samples) -> list[Batch]:
     """Return the data that the model was given, epoch by epoch, the pilot first."""
-    chosen = [
-        (samples.epoch == epoch) & ~samples.flagged for epoch in range(samples.epoch[-1] + 1)
-    ]
+    chosen = [(samples.epoch == epoch) & ~samples.flagged for epoch in range(samples.epoch[-1] + 1)]
     return [(samples.x[take], samples.measured[take]) for take in chosen]
 
 

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from infoplan.belief import Belief
 from infoplan.config import Config, MissionConfig, validate
+from infoplan.culprit import culprit_named
 from infoplan.errors import UsageError
-from infoplan.methods import culprit_named
 from infoplan.mission import explore
 from infoplan.samples import Batch, Samples, joined
 from infoplan.scoring import CurveRow, State, assess

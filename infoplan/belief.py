@@ -187,7 +187,7 @@ class Belief:
         return checked[: self.config.planner.execute_actions]
 
     def _reward_std(self) -> Floats:
-        """Standard deviation on the query grid that rewards the planner."""
+        """Give the standard deviation on the query grid that rewards the planner."""
         if not getattr(self.config.planner, "noisy_std", False):
             return self.std
         noise = number_of(self.model, "observation_noise_std")

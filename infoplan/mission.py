@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from infoplan.belief import Belief
 from infoplan.config import MissionConfig
-from infoplan.methods import culprit_named
+from infoplan.culprit import culprit_named
 from infoplan.samples import joined
 from infoplan.scoring import State, assess
 from infoplan.source import Source

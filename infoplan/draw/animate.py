@@ -23,13 +23,13 @@ from infoplan.config import MissionConfig, validate
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import Look, looks, method_of
-from infoplan.methods import admit
 from infoplan.plan import count_flags, smooth
 from infoplan.scoring import CurveRow, Maps, State
 from infoplan.study.replay import as_samples, explore_again, stand_in
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.terrain.surface import checked_extent
+from infoplan.trust import admit
 from infoplan.wording import figure
 
 if TYPE_CHECKING:
@@ -288,10 +288,10 @@ def from_tables(recording: Recording) -> Iterator[State]:
         if epoch < len(rows) - 1:
             flags = count_flags(samples.x[samples.flagged], extent, recording.truth.shape)
             density = smooth(flags, config.planner.smoothing, extent).ravel()
-            maps = replace(last, mean=unknown, std=unknown, outlier_density=density)
+            known = replace(last, mean=unknown, std=unknown, outlier_density=density)
         else:
-            maps = last
-        yield State(CurveRow(**row), samples, maps)
+            known = last
+        yield State(CurveRow(**row), samples, known)
 
 
 def replay(recording: Recording) -> Iterator[State]:
@@ -444,7 +444,9 @@ class _Scene:
         self._draw_path_panel()
         # Few nodes must not take the colours from all others.
         deviation = _range([state.maps.std for state in states], 0.02, 0.98)
-        _, error = _range([np.abs(state.maps.mean - state.maps.truth) for state in states], 0.0, 0.98)
+        _, error = _range(
+            [np.abs(state.maps.mean - state.maps.truth) for state in states], 0.0, 0.98
+        )
         density = max(float(state.maps.outlier_density.max()) for state in states)
         self.mean = self._panel(0, 0, "mean", style.ELEVATION, truth.min(), truth.max())
         self.std = self._panel(0, 1, "standard deviation", style.DEVIATION, *deviation)

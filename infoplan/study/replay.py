@@ -22,7 +22,6 @@ from infoplan.caches import kernel_note
 from infoplan.config import MissionConfig, TreeSearchConfig, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
-from infoplan.methods import admit
 from infoplan.mission import explore
 from infoplan.samples import Samples
 from infoplan.scoring import State
@@ -45,6 +44,7 @@ from infoplan.study.store import (
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
 from infoplan.threads import look_again, one_thread
+from infoplan.trust import admit
 from infoplan.wording import figure
 
 GROUPS = ("detector", "model")
