@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from infoplan.config import Config, MissionConfig, validate
 from infoplan.errors import UsageError
+from infoplan.extent import checked_extent
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.terrain import Terrain, load_terrain
-from infoplan.terrain.surface import array_digest, checked_extent
+from infoplan.terrain.surface import array_digest
 from infoplan.text_options import as_value
 
 if TYPE_CHECKING:

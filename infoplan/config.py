@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
+from infoplan.extent import checked_extent
 from infoplan.options import check_options, option, plain_number
 
 
@@ -548,10 +549,6 @@ class Config(MissionConfig):
     )
 
 
-FARTHEST = 1e12
-"""Largest coordinate of a workspace: beyond it, steps of a robot are lost in rounding."""
-
-
 def validate(config: MissionConfig) -> None:
     """Check every bound, and the relations between options.
 
@@ -561,17 +558,7 @@ def validate(config: MissionConfig) -> None:
         Names the first option that is wrong and what it may be.
     """
     check_options(config)
-    xmin, xmax, ymin, ymax = config.terrain.extent
-    if max(map(abs, config.terrain.extent)) > FARTHEST:
-        raise UsageError(
-            f"terrain.extent={config.terrain.extent} is too large: no bound may be beyond "
-            f"{FARTHEST:g} workspace units"
-        )
-    if not (xmin < xmax and ymin < ymax):
-        raise UsageError(
-            f"terrain.extent={config.terrain.extent} is empty: it is [xmin,xmax,ymin,ymax] "
-            "with xmin < xmax and ymin < ymax"
-        )
+    xmin, xmax, ymin, ymax = checked_extent(config.terrain.extent)
     action = config.robot.speed * config.robot.samples_per_action
     if min(xmax - xmin, ymax - ymin) < 2 * action:
         # Half a side must hold an action, or the car could be stuck whatever its heading.

@@ -23,6 +23,7 @@ from infoplan.config import MissionConfig, validate
 from infoplan.culprit import culprit_named
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
+from infoplan.extent import checked_extent
 from infoplan.method_identity import Look, looks, method_of
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.plan import count_flags, smooth
@@ -30,7 +31,6 @@ from infoplan.study.replay import stand_in
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.terrain import Terrain
-from infoplan.terrain.surface import checked_extent
 from infoplan.trust import admit
 from infoplan.wording import figure
 
