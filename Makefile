@@ -28,10 +28,11 @@ test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt
 bench: $(VENV)/.installed-bench ## set up and measure every speed figure (half an hour; ARGS=--quick for a look)
 	$(BIN)/python -m benchmarks.run $(ARGS)
 
-check: $(VENV)/.installed-dev ## set up and run the linter and the type checker
+check: $(VENV)/.installed-dev ## set up and run the linter, the type checker and the check of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 clean: ## remove the virtual environment and all caches; results stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -19,7 +19,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 import infoplan
 from infoplan import config as config_module
 from infoplan.cli import main
-from infoplan.hydra_front import SCHEMAS
+from infoplan.config import GROUPS
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 SHORT = [option for option in SMALL if not option.startswith(("seeds", "n_jobs"))]
@@ -294,7 +294,7 @@ def test_a_users_script_is_typed(tool, tmp_path):
 
 
 def test_the_types_of_all_options_are_those_of_the_choices():
-    for group, choices in SCHEMAS.items():
+    for group, choices in GROUPS.items():
         told = {
             name: kind
             for base in (f"{group.capitalize()}Options", f"{group.capitalize()}Config")

@@ -6,8 +6,7 @@ from importlib.resources import files
 import pytest
 import yaml
 
-from infoplan.config import Config, MissionConfig, options
-from infoplan.hydra_front import SCHEMAS
+from infoplan.config import GROUPS, Config, MissionConfig, options
 
 CONF = files("infoplan.conf")
 
@@ -17,25 +16,25 @@ def read(*path: str) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("group", "choice"), [(group, choice) for group in SCHEMAS for choice in SCHEMAS[group]]
+    ("group", "choice"), [(group, choice) for group in GROUPS for choice in GROUPS[group]]
 )
 def test_each_choice_equals_its_dataclass(group, choice):
     written = read(group, f"{choice}.yaml")
     del written["defaults"]
-    assert written == asdict(SCHEMAS[group][choice])
+    assert written == asdict(GROUPS[group][choice])
 
 
-@pytest.mark.parametrize("group", SCHEMAS)
+@pytest.mark.parametrize("group", GROUPS)
 def test_each_group_has_a_file_for_each_choice_and_no_other(group):
     found = {entry.name for entry in CONF.joinpath(group).iterdir() if entry.name[0] not in "._"}
-    assert found == {f"{choice}.yaml" for choice in SCHEMAS[group]}
+    assert found == {f"{choice}.yaml" for choice in GROUPS[group]}
 
 
 def test_the_root_equals_its_dataclass():
     written = read("config.yaml")
     del written["defaults"], written["hydra"]
     expected = asdict(Config())
-    for group in SCHEMAS:
+    for group in GROUPS:
         del expected[group]
     assert written == expected
 

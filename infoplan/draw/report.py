@@ -5,13 +5,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
+from importlib.metadata import version
 from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
 
-from infoplan import __version__
 from infoplan.analyse.claims import METHODS, WORDS, judge_claims
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
@@ -137,7 +137,7 @@ def _rendered(selection: Selection) -> str:
         "data": _embedded(data),
         "style": PAGE.with_suffix(".css").read_text(encoding="utf-8"),
         "script": PAGE.with_suffix(".js").read_text(encoding="utf-8"),
-        "version": _html(__version__),
+        "version": _html(version("infoplan")),
     }
     return Template(PAGE.read_text(encoding="utf-8")).substitute(parts)
 

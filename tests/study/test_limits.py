@@ -173,7 +173,7 @@ import pickle, resource, sys
 from infoplan.api import configure, load_terrain
 from infoplan.mission import Mission
 from infoplan.study.identity import identify
-from infoplan.study.limits import memory_of
+from infoplan.mission_cost import memory_of
 from infoplan.study.store import build_tables
 
 terrain = load_terrain("volcano")

@@ -37,6 +37,12 @@ OF_THE_MODEL = (
 Epochs = int | list[int] | None
 """Which epochs' models are recomputed: a number, evenly spread, a list, or all."""
 
+Judgements = list[tuple[Floats, Booleans] | None]
+"""Scores and flags of the samples so far, as they stood after each epoch, if known."""
+
+Judge = Callable[["StoredMission"], Judgements]
+"""Repeats the detector of a mission."""
+
 
 @dataclass(frozen=True)
 class Partial:
@@ -63,7 +69,8 @@ class StoredMission:
     run: str
     seed: int
     terrains: Mapping[str, NDArray[Any]]
-    epochs: Epochs = None
+    epochs: Epochs
+    judge: Judge
 
     def option(self, name: str) -> Any:
         """Look an option up by its dotted name."""
@@ -114,11 +121,9 @@ class StoredMission:
         return ROUNDING * max(1.0, float(np.abs(self.maps["truth"]).max()))
 
     @cached_property
-    def judgements(self) -> list[tuple[Floats, Booleans] | None]:
+    def judgements(self) -> Judgements:
         """Scores and flags of the samples so far as they stood after each epoch, if known."""
-        from infoplan.analyse.audit.detector import replay_detector
-
-        return replay_detector(self)
+        return self.judge(self)
 
 
 def read_mission(
@@ -126,7 +131,8 @@ def read_mission(
     run: str,
     seed: int,
     terrains: Mapping[str, NDArray[Any]],
-    epochs: Epochs = None,
+    epochs: Epochs,
+    judge: Judge,
 ) -> StoredMission:
     """Read the YAML and the three tables of a mission; the values' digest is a check of its own."""
     try:
@@ -143,7 +149,7 @@ def read_mission(
         tables[name] = table.to_pandas()
     return StoredMission(
         configuration, **tables, footers=footers, digests=digests, run=run, seed=seed,
-        terrains=terrains, epochs=epochs,
+        terrains=terrains, epochs=epochs, judge=judge,
     )  # fmt: skip
 
 
