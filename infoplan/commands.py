@@ -17,6 +17,7 @@ from click.shell_completion import CompletionItem
 from infoplan.command_line import (
     GIVEN,
     Command,
+    Function,
     Group,
     Number,
     Text,
@@ -167,6 +168,17 @@ def infoplan() -> None:
     """Hold the commands."""
 
 
+def study_command(name: str, **attributes: Any) -> Callable[[Function], click.Command]:
+    """Declare a command about stored runs, which any option of a run chooses."""
+
+    def declare(function: Function) -> click.Command:
+        chosen = setting("run", RunName(), "one run, or a list of them, alone")(function)
+        command = infoplan.command(name, cls=Command, more=options_of("FILTERS"), **attributes)
+        return command(RESULTS(chosen))
+
+    return declare
+
+
 @infoplan.command(
     "run", cls=Command, more=options_of("RUN"),
     help="Run one configuration with all its seeds, or with -m every combination of values.",
@@ -246,15 +258,13 @@ def status(
     return status(results_dir, study, run, as_json)
 
 
-@infoplan.command(
-    "figures", cls=Command, more=options_of("FILTERS"),
+@study_command(
+    "figures",
     help="Draw the paper's figures from stored results.",
     examples=["infoplan figures fig5 fig7 seed=1"],
 )  # fmt: skip
 @setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
          named=False)  # fmt: skip
-@RESULTS
-@setting("run", RunName(), "one run, or a list of them, alone")
 @setting("seed", click.IntRange(min=0), "the mission whose maps are shown", default=0)
 @click.option("--seeds", is_flag=True, help="Fig. 5 shows each seed as a thin line")
 def figures(
@@ -281,13 +291,11 @@ def figures(
     return EXIT_FAILED if any(one.problem for one in drawn) else EXIT_OK
 
 
-@infoplan.command(
-    "claims", cls=Command, more=options_of("FILTERS"),
+@study_command(
+    "claims",
     help="Judge the paper's claims by stored results.",
     examples=["infoplan claims terrain=helens --markdown"],
 )  # fmt: skip
-@RESULTS
-@setting("run", RunName(), "one run, or a list of them, alone")
 @click.option("--json", "as_json", is_flag=True, help="write them for scripts")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
 def claims(
@@ -316,13 +324,11 @@ def claims(
     return EXIT_OK
 
 
-@infoplan.command(
-    "report", cls=Command, more=options_of("FILTERS"),
+@study_command(
+    "report",
     help="Write curves, claims and maps as one HTML page.",
     examples=["infoplan report terrain=volcano"],
 )  # fmt: skip
-@RESULTS
-@setting("run", RunName(), "one run, or a list of them, alone")
 def report(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> int:
     """Write the report."""
     from infoplan.analyse.tables import find_missions
