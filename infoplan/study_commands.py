@@ -22,12 +22,12 @@ from infoplan.hydra_front.front import compose_and
 from infoplan.hydra_front.jobs import Act
 from infoplan.hydra_front.reconfigure import how_to_replay, named_functions, reconfigure
 from infoplan.hydra_front.trials import Score
-from infoplan.methods import admit
 from infoplan.output import Output
 from infoplan.study.replay import find_source, replay_study
 from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study, plan_study, run_study
 from infoplan.study.stored_curves import final_rmse
+from infoplan.trust import admit
 
 
 def run(arguments: list[str]) -> int:

@@ -16,9 +16,10 @@ from omegaconf.errors import (
     ValidationError,
 )
 
-from infoplan.config import GROUPS, describe
+from infoplan.config import GROUPS
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front.known_options import all_options, no_option
+from infoplan.options import describe
 from infoplan.wording import suggest
 
 

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from infoplan.config import GROUPS, Config, options
+from infoplan.config import GROUPS, Config
+from infoplan.options import walk
 from infoplan.wording import suggest
 
 
@@ -22,9 +23,9 @@ def no_option(name: str) -> str:
 
 def all_options() -> dict[str, dict[str, Any]]:
     """Metadata of every option that some choice has."""
-    known = {name: metadata for name, _, metadata in options(Config())}
+    known = {name: metadata for name, _, metadata in walk(Config())}
     for group, choices in GROUPS.items():
         for schema in choices.values():
-            for name, _, metadata in options(schema, f"{group}."):
+            for name, _, metadata in walk(schema, f"{group}."):
                 known.setdefault(name, metadata)
     return known

@@ -12,9 +12,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 
-from infoplan.config import GROUPS, describe
+from infoplan.config import GROUPS
 from infoplan.errors import UsageError
 from infoplan.hydra_front.known_options import all_options
+from infoplan.options import describe
 from infoplan.own import load, text_parameters
 from infoplan.text_options import (
     OWN_OPTION,

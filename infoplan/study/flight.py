@@ -13,15 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from infoplan.backend import load_matplotlib
-from infoplan.config import (
-    DetectorConfig,
-    GpConfig,
-    MissionConfig,
-    RandomConfig,
-    TerrainConfig,
-    with_values,
-)
+from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfig, TerrainConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.options import with_values
 from infoplan.study.identity import NUMERICS_VERSION, Run
 from infoplan.study.provenance import provenance
 from infoplan.study.signals import Interrupted

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from infoplan.config import MissionConfig, TreeSearchConfig
-from infoplan.methods import culprit_named
+from infoplan.culprit import culprit_named
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.terrain import Terrain
 
