@@ -1,4 +1,7 @@
-"""What the commands about studies do: run, show what would run, replay, look at what is done."""
+"""What the commands about studies do: run, show what would run, replay, look at what is done.
+
+A study that is stored already is shown without what missions need: imports of SciPy and Numba wait.
+"""
 
 import json
 import sys
@@ -13,21 +16,17 @@ from infoplan.analyse.tables import flatten
 from infoplan.config import Config
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener
-from infoplan.draw.replay_table import print_replay
 from infoplan.draw.status_table import print_status
 from infoplan.draw.study_tables import print_plan, print_summary
 from infoplan.errors import UsageError
 from infoplan.hydra_front.compose import compose
 from infoplan.hydra_front.front import compose_and
 from infoplan.hydra_front.jobs import Act
-from infoplan.hydra_front.reconfigure import how_to_replay, named_functions, reconfigure
 from infoplan.hydra_front.trials import Score
 from infoplan.output import Output
-from infoplan.study.replay import find_source, replay_study
 from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study, plan_study, run_study
 from infoplan.study.stored_curves import final_rmse
-from infoplan.trust import admit
 
 
 def run(arguments: list[str]) -> int:
@@ -83,6 +82,11 @@ def replay(
     int
         1 if a replay has failed, else 0.
     """
+    from infoplan.draw.replay_table import print_replay
+    from infoplan.hydra_front.reconfigure import how_to_replay, named_functions, reconfigure
+    from infoplan.study.replay import find_source, replay_study
+    from infoplan.trust import admit
+
     console = wide_console()
     listening = listener(console)
     compose(how_to_replay(overrides))  # what is wrong there is told whatever the run

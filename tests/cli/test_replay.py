@@ -173,7 +173,7 @@ BAD = {
     "seeds=[7]": "seed 7 of",
     "n_jobs=0": "n_jobs=0 runs nothing",
     "backend=dask mission_timeout=9": "has no use with backend=dask",
-    "backend=threads": "backend must be",
+    "backend=threads": "backend=threads is not a choice",
     "scheduler=tcp://here:1": "not open to a replay",
     "another": "takes one run, not 2",
     "--json": "there is no flag '--json'",
