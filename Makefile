@@ -25,7 +25,7 @@ test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes:
 test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
-coverage: $(VENV)/.installed-dev ## run the tests and tell which lines they reach, of all processes (htmlcov/index.html)
+coverage: $(VENV)/.installed-dev ## run the tests and tell which lines they reach, workers left out (htmlcov/index.html)
 	$(BIN)/python -m pytest --numprocesses auto --cov --cov-report=term --cov-report=html $(ARGS)
 
 bench: $(VENV)/.installed-bench ## set up and measure every speed figure (half an hour; ARGS=--quick for a look)

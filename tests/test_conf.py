@@ -1,6 +1,7 @@
 """What repeats the dataclasses is as they are: YAML files, signatures, the page of the columns."""
 
 import inspect
+import re
 import runpy
 from dataclasses import asdict
 from importlib.resources import files
@@ -58,6 +59,18 @@ def test_what_is_derived_is_as_the_code_says():
     assert len(files) == 2 + sum(map(len, GROUPS.values()))
     for path, text in files.items():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: make derived"
+
+
+def test_the_page_of_choices_tells_the_defaults():
+    page = Path(__file__).parents[1] / "docs" / "choices.md"
+    defaults = {name: value for name, value, _ in walk(Config())}
+    told = re.findall(r"`([a-z_.]+)=([^`]+)`", page.read_text(encoding="utf-8"))
+    assert len(told) > 25
+    for name, value in told:
+        if name != "terrain":
+            # YAML takes 1e-6 for text, the command line for a number.
+            found = float(value) if re.fullmatch(r"\de-\d", value) else yaml.safe_load(value)
+            assert found == defaults[name], name
 
 
 @pytest.mark.parametrize(("group", "choice"), BUILT_IN)

@@ -12,7 +12,7 @@ import re
 import sys
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
@@ -88,7 +88,7 @@ class Stored:
 
 
 def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> MissionTables:
-    """Lay a finished mission out as tables; columns as the README lists them.
+    """Lay a finished mission out as tables: the columns of `infoplan.tables`, and what rows add.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
             "curves",
             {name: [value] * n for name, value in labels.items()}
             | {"seed": [seed] * n}
-            | {item.name: [getattr(row, item.name) for row in rows] for item in fields(rows[0])},
+            | _columns(rows),
         ),
         samples=lay_out(
             "samples",
@@ -143,6 +143,20 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
             },
         ),
     )
+
+
+def _columns(rows: "Sequence[CurveRow]") -> dict[str, list[Any]]:
+    """Turn rows into columns; a field that is a mapping gives a column for each of its names."""
+    flat = [
+        {name: value for item in fields(row)
+         for name, value in _named(item.name, getattr(row, item.name)).items()}
+        for row in rows
+    ]  # fmt: skip
+    return {name: [row[name] for row in flat] for name in flat[0]}
+
+
+def _named(name: str, value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {name: value}
 
 
 def _demand_finite(row: "CurveRow", model: str) -> None:

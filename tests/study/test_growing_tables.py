@@ -76,7 +76,8 @@ def test_a_column_that_an_older_version_lacks_is_null(folder, monkeypatch, kind)
     # One run was flown by this version.
     here = table_path(folder, "curves", RUNS[-1], 0)
     values = {"text": "a", "integer": 7, "double": 0.5, "boolean": True}
-    rewrite(here, lambda t: t.append_column("fresh", pa.array([values[kind]] * len(t))))
+    gap = [values[kind] if kind == "double" else None]  # the audit asks for finite numbers
+    rewrite(here, lambda t: t.append_column("fresh", pa.array(gap + [values[kind]] * (len(t) - 1))))
     frame = load_curves(folder, replay=None).set_index("run")["fresh"]
     assert frame.isna().sum() > 1
     assert set(frame[RUNS[-1]].dropna()) == {values[kind]}
@@ -87,7 +88,8 @@ def test_a_column_that_an_older_version_lacks_is_null(folder, monkeypatch, kind)
 
 def test_a_column_of_a_version_to_come_is_kept(folder):
     more = {"hour": [3], "label": ["a"], "share": [0.5], "dusk": [True]}
-    for run in RUNS:
+    *newer, older = RUNS
+    for run in newer:
         for table in TABLES:
             rewrite(
                 table_path(folder, table, run, 0),
@@ -100,7 +102,9 @@ def test_a_column_of_a_version_to_come_is_kept(folder):
     assert {name: found[name][0].as_py() for name in more} == {n: v[0] for n, v in more.items()}
     assert [found[name].null_count for name in more] == [1, 1, 1, 1]
     demand_sound(folder)
-    assert set(more) < set(load_samples(folder).columns)
+    frame = load_samples(folder).set_index("run")[list(more)]
+    assert frame.loc[older].isna().all(axis=None)
+    assert frame.loc[newer[0]].notna().sum().tolist() == [len(found) - 1] * 4
     study = find_study(folder, method=["UCT-NONE", "UCT-BEST", "UCT-COPOD", "PUCT-COPOD"])
     assert write_report(study).stat().st_size > 10_000
 
@@ -148,11 +152,23 @@ def test_a_row_s_further_fields_become_columns(small, volcano):
     """A column of the curve: in the schema and where it is computed, nowhere else."""
     mission = Mission(small, volcano, 0)
     rows = list(mission.run())
-    longer = make_dataclass("Longer", [("tide", float)], bases=(CurveRow,), frozen=True)
-    told = [longer(**{item.name: getattr(row, item.name) for item in fields(row)}, tide=0.5)
-            for row in rows]  # fmt: skip
+    longer = make_dataclass(
+        "Longer", [("tide", float), ("learned", dict)], bases=(CurveRow,), frozen=True
+    )
+    told = [
+        longer(
+            **{item.name: getattr(row, item.name) for item in fields(row)},
+            tide=0.5,
+            learned={"alpha": 2.0, "beta": row.rmse},
+        )
+        for row in rows
+    ]
     run = identify(small, volcano)
-    assert build_tables(run, mission, told).curves["tide"].to_pylist() == [0.5] * len(rows)
+    made = build_tables(run, mission, told).curves
+    assert made["tide"].to_pylist() == [0.5] * len(rows)
+    assert made["alpha"].to_pylist() == [2.0] * len(rows)
+    assert made["beta"].equals(made["rmse"])
+    assert made.column_names == [*TABLES["curves"].columns, "tide", "alpha", "beta"]
     assert build_tables(run, mission, rows).curves.column_names == list(TABLES["curves"].columns)
 
 
