@@ -66,7 +66,7 @@ def configure(*overrides: str, **options: Any) -> MissionConfig:
     UsageError
         If an option is unknown or has no possible value.
     """
-    from infoplan.hydra_front import compose
+    from infoplan.hydra_front.compose import compose
 
     written = [*overrides, *(f"{name}={as_value(name, value)}" for name, value in options.items())]
     names = [item.name for item in fields(MissionConfig)]

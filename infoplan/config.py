@@ -385,6 +385,21 @@ METHODS: dict[str, dict[str, Any]] = {
 }
 """The options of every planner, detector and model, with their defaults."""
 
+GROUPS: dict[str, dict[str, Any]] = {
+    **METHODS,
+    "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()},
+}
+"""Schema of every choice of every group, with its defaults; each YAML file repeats one."""
+
+REPLAY_GROUPS = ("detector", "model")
+"""Groups that a replay may choose anew."""
+
+REPLAY_OPTIONS = ("planner.smoothing",)
+"""Further options that change what is told of a mission, and not its trajectory."""
+
+REPLAY_HOW = ("n_jobs", "backend", "mission_timeout", "on_error", "resume")
+"""Options that say how a replay is run."""
+
 
 @dataclass
 class RobotConfig:

@@ -15,11 +15,11 @@ from infoplan.culprit import culprit_named
 from infoplan.detect import Evidence, Judgement
 from infoplan.errors import RunError
 from infoplan.methods import find, method_label
+from infoplan.mission_cost import check_mission
 from infoplan.plan import Situation, count_flags, smooth
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path, steering_angles, turn_on_the_spot
 from infoplan.sensing import add_spikes, measure
-from infoplan.study.limits import check_mission
 from infoplan.terrain import Terrain
 from infoplan.threads import one_thread
 

@@ -27,7 +27,7 @@ from infoplan.extent import checked_extent
 from infoplan.method_identity import Look, looks, method_of
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.plan import count_flags, smooth
-from infoplan.study.replay import stand_in
+from infoplan.study.replayed import stand_in
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.terrain import Terrain

@@ -1,25 +1,36 @@
-"""What a worker does: fly one mission and hand back its tables, or say why not."""
+"""What a worker does: fly or replay one mission and hand back its tables, or say why not."""
 
 import os
 import threading
 import time
 import traceback
 import warnings
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from infoplan.backend import load_matplotlib
 from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfig, TerrainConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.options import with_values
 from infoplan.study.identity import NUMERICS_VERSION, Run
-from infoplan.study.progress import COMPILING, Report
 from infoplan.study.provenance import provenance
 from infoplan.study.signals import Interrupted
-from infoplan.study.store import MissionTables, build_tables
+from infoplan.study.store import MissionTables, build_tables, read_table
 from infoplan.wording import harmless
+
+if TYPE_CHECKING:
+    from infoplan.mission import CurveRow, Mission
+
+Report = Callable[[int, int, float | None], None]
+"""Takes the number of a mission, the samples that it has collected, and its RMSE; at the start 0
+and None."""
+
+COMPILING = -1
+"""Number that a worker reports instead of a mission's while it compiles the kernels."""
 
 NOTICE_SECONDS = 2.0
 """Kernels that are in the cache are loaded in less; whatever takes longer is compiling."""
@@ -40,11 +51,25 @@ _one_mission = threading.Lock()
 
 @dataclass(frozen=True)
 class Task:
-    """A mission to fly: one run, one seed, and its number in the display."""
+    """A mission for a worker: one run, one seed, and the number by which it reports.
+
+    Attributes
+    ----------
+    run, seed, number
+        Which it is.
+    flown
+        Of a replay, the results folder and the run whose samples it gets; of a flight None.
+    """
 
     run: Run
     seed: int
     number: int
+    flown: tuple[Path, str] | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is called before people."""
+        return f"{self.run.name} seed {self.seed}"
 
 
 @dataclass
@@ -77,7 +102,7 @@ class Outcome:
 
 
 def fly(task: Task, report: Report | None = None) -> Outcome:
-    """Fly one mission, on one thread, and return its tables or what went wrong.
+    """Fly or replay one mission, on one thread, and return its tables or what went wrong.
 
     Whatever a method of the user's raises fails the mission alone: only a signal gets through.
 
@@ -95,14 +120,13 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
     try:
         _check_version(task.run)
 
-        from infoplan.mission import Mission
         from infoplan.threads import look_again, one_thread
 
         look_again()
         with one_thread():
-            mission = Mission(task.run.config, task.run.terrain, task.seed)
+            mission, epochs = _begun(task)
             rows = []
-            for row in mission.run():
+            for row in epochs:
                 _end_if_forked(process)
                 rows.append(row)
                 report(task.number, row.collected, row.rmse)
@@ -118,6 +142,23 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
         _end_if_forked(process)
         return failed(task, error, time.perf_counter() - clock)
     return Outcome(task, time.perf_counter() - clock, tables, footer)
+
+
+def _begun(task: Task) -> tuple["Mission", Iterator["CurveRow"]]:
+    """Begin a task: its mission, and what gives a row after the pilot and each epoch."""
+    config, terrain = task.run.config, task.run.terrain
+    if task.flown is None:
+        from infoplan.mission import Mission
+
+        mission = Mission(config, terrain, task.seed)
+        return mission, mission.run()
+    from infoplan.study.replayed import replayed_mission
+
+    samples, maps = (
+        read_table(task.flown[0], name, task.flown[1], task.seed).to_pandas()
+        for name in ("samples", "maps")
+    )
+    return replayed_mission(config, terrain, task.seed, samples, maps)
 
 
 def _end_if_forked(process: int) -> None:

@@ -14,12 +14,12 @@ import pytest
 from infoplan import tables
 from infoplan.analyse import find_study, load_curves, load_samples
 from infoplan.analyse.audit import audit
+from infoplan.analyse.status import look_at_all
 from infoplan.draw.report import write_report
 from infoplan.errors import RunError
 from infoplan.mission import CurveRow, Mission
 from infoplan.study.columns import lay_out, values_digest
-from infoplan.study.identity import identify, stored_terrains
-from infoplan.study.status import look_at_all
+from infoplan.study.identity import identify
 from infoplan.study.store import (
     build_tables,
     inspect,
@@ -29,6 +29,7 @@ from infoplan.study.store import (
     sealed,
     table_path,
 )
+from infoplan.study.stored_terrains import stored_terrains
 from infoplan.tables import TABLES, Column
 
 STORED = Path(__file__).parent.parent / "data" / "results-0.1.0"
