@@ -116,6 +116,7 @@ class ModelOptions:
     """Types of the options of all models, for type checkers; each model has its own of them."""
 
     if TYPE_CHECKING:
+        kernel: str
         amplitude: float
         lengthscale: float
         noise_variance: float
@@ -417,6 +418,7 @@ class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
+    kernel: str = option("squared_exponential", "how near samples correlate", choices=KERNELS)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
     noise_variance: float = option(1.0, "start value of the noise variance", above=0, at_most=1e6)
@@ -436,6 +438,7 @@ class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))
+    kernel: str = option("squared_exponential", "how near samples correlate", choices=KERNELS)
     dof: float = option(4.0, "degrees of freedom of the noise", above=2, at_most=1e12)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
