@@ -413,6 +413,10 @@ class ModelConfig(ModelOptions):
     )
 
 
+KERNELS = ("squared_exponential",)
+"""Modules of `infoplan.model.kernels`, each of which holds a kernel."""
+
+
 @dataclass
 class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""

@@ -99,8 +99,10 @@ def curved_at(covariance: np.ndarray, curvature: np.ndarray, flat: float) -> Cur
         curvature = np.maximum(curvature, 0.0)
         inner = _inner_factor(square_root, curvature[others])
         assert inner is not None  # the identity plus squares
-    others_curvature = curvature[others]
-    reduced = solve_triangular(inner, square_root.T * others_curvature, lower=True, check_finite=False)
+    their_curvature = curvature[others]
+    reduced = solve_triangular(
+        inner, square_root.T * their_curvature, lower=True, check_finite=False
+    )
     log_roots = np.log(factor.diagonal()).sum() + np.log(inner.diagonal()).sum()
     return Curved(
         covariance=covariance,
@@ -110,7 +112,7 @@ def curved_at(covariance: np.ndarray, curvature: np.ndarray, flat: float) -> Cur
         others=others,
         half=half,
         spread=spread,
-        update=np.diag(others_curvature) - reduced.T @ reduced,
+        update=np.diag(their_curvature) - reduced.T @ reduced,
         log_determinant=2.0 * float(log_roots),
     )
 

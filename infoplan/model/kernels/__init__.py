@@ -6,7 +6,7 @@ from infoplan.model.kernel import Kernel
 
 
 def as_kernel(kernel: str | Kernel) -> Kernel:
-    """Return the kernel of a name (`infoplan.config.KERNELS`); one that is a kernel already stays."""
+    """Return the kernel of a name in `infoplan.config.KERNELS`, or the kernel that is given."""
     if isinstance(kernel, Kernel):
         return kernel
     found: Kernel = import_module(f"{__name__}.{kernel}").KERNEL
