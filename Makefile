@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser bench check clean
+.PHONY: help run figures test test-long test-browser coverage bench check derived clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -25,6 +25,9 @@ test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes:
 test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
+coverage: $(VENV)/.installed-dev ## run the tests and tell which lines they reach, of all processes (htmlcov/index.html)
+	$(BIN)/python -m pytest --numprocesses auto --cov --cov-report=term --cov-report=html $(ARGS)
+
 bench: $(VENV)/.installed-bench ## set up and measure every speed figure (half an hour; ARGS=--quick for a look)
 	$(BIN)/python -m benchmarks.run $(ARGS)
 
@@ -33,8 +36,11 @@ check: $(VENV)/.installed-dev ## set up and run the linter and the type checker
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+derived: $(VENV)/.installed ## write conf/ and the columns in docs/results.md again, from the code that defines them
+	$(BIN)/python scripts/derive.py
+
 clean: ## remove the virtual environment and all caches; results stay
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage*
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:

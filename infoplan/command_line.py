@@ -101,9 +101,7 @@ class Setting(click.Parameter):
 
     def allowed(self) -> str:
         """Say what values it takes."""
-        # "the terrain's" is short for its unit.
-        unit = f"{self.unit} unit" if self.unit.endswith("'s") else self.unit
-        return allowed(self.type) + (f", in {unit}" if unit else "")
+        return allowed(self.type) + (f", in {self.unit}" if self.unit else "")
 
     def get_usage_pieces(self, ctx: click.Context) -> list[str]:
         """Show in the usage line what stands for itself, without ``name=``."""

@@ -5,133 +5,17 @@ records that the rest of the code reads. `MissionConfig` is the science: what de
 numbers. `Config` adds what does not: seeds, workers, paths.
 """
 
-import copy
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
-from infoplan.own import fits
-
-
-def option(
-    default: Any,
-    doc: str,
-    *,
-    unit: str = "",
-    at_least: float | None = None,
-    above: float | None = None,
-    at_most: float | None = None,
-    below: float | None = None,
-    choices: tuple[str, ...] = (),
-    length: int | None = None,
-    science: bool = True,
-) -> Any:
-    """Declare an option: a dataclass field whose metadata say what values are allowed.
-
-    Parameters
-    ----------
-    default
-        The default value; a list or mapping is copied for each instance.
-    doc
-        One line for a person.
-    unit
-        Unit of the value, empty where it has none.
-    at_least, above, at_most, below
-        Bounds of a number, or of every number in a list.
-    choices
-        The strings allowed, alone or in a list; for a number, the strings allowed besides.
-    length
-        Number of entries that a list must have.
-    science
-        Whether it decides a mission's numbers; False for where a map is found.
-    """
-    bounds = {"at least": at_least, "above": above, "at most": at_most, "below": below}
-    metadata = {
-        "doc": doc,
-        "unit": unit,
-        "bounds": {name: bound for name, bound in bounds.items() if bound is not None},
-        "choices": choices,
-        "length": length,
-        "science": science,
-    }
-    if isinstance(default, list | dict):
-        return field(default_factory=lambda: copy.deepcopy(default), metadata=metadata)
-    return field(default=default, metadata=metadata)
-
-
-class TerrainOptions:
-    """Types of the options of all terrains, for type checkers; each terrain has its own of them."""
-
-    if TYPE_CHECKING:
-        path: str | None
-        on_missing: str
-        member: str | None
-        array: str | None
-        nodata: Any
-        shape: Any
-        crop: list[int] | None
-        seed: int
-        lengthscale: list[float]
-        amplitude: float
-        mean: float
-        function: str | None
-        options: dict[str, Any]
-
-
-class PlannerOptions:
-    """Types of the options of all planners, for type checkers; each planner has its own of them."""
-
-    if TYPE_CHECKING:
-        iterations: int
-        rollouts: int
-        exploration: float
-        noisy_std: bool
-        weight: float
-        actions: int
-        spacing: float
-        lookahead: int
-        function: str | None
-        options: dict[str, Any]
-
-
-class DetectorOptions:
-    """Types of the options of all detectors, for type checkers; each detector has its own."""
-
-    if TYPE_CHECKING:
-        contamination: float
-        score: str
-        model: str
-        features: list[str]
-        params: dict[str, Any]
-        threshold: float
-        one_by_one: bool
-        neighbours: int
-        function: str | None
-        options: dict[str, Any]
-
-
-class ModelOptions:
-    """Types of the options of all models, for type checkers; each model has its own of them."""
-
-    if TYPE_CHECKING:
-        kernel: str
-        amplitude: float
-        lengthscale: float
-        noise_variance: float
-        min_noise_variance: float
-        jitter: float
-        optimizer: str
-        learning_rate: float
-        dtype: str
-        dof: float
-        function: str | None
-        options: dict[str, Any]
+from infoplan.options import check_options, option, plain_number
 
 
 @dataclass
-class TerrainConfig(TerrainOptions):
+class TerrainConfig:
     """The ground truth and its workspace; the built-in maps have no further options."""
 
     name: str = option("volcano", "which map", choices=("volcano", "jacksboro"))
@@ -139,7 +23,7 @@ class TerrainConfig(TerrainOptions):
         [0.0, 50.0, 0.0, 50.0], "xmin, xmax, ymin, ymax", unit="workspace units", length=4
     )
     unit: str | None = option(
-        None, "unit of the elevations, converted where the map's own is known; null: its own"
+        None, "unit of the elevations; m, ft and us-ft are converted; null: the map's own"
     )
     orientation: int = option(
         0,
@@ -168,7 +52,11 @@ class FileConfig(TerrainConfig):
     """A map in a file; what is done to it, in this order: nodata, shape, crop."""
 
     name: str = option("file", "which map", choices=("file",))
-    path: str | None = option(None, "the map's file, or a .zip archive with it", science=False)
+    path: str | None = option(
+        None,
+        "the map: .npy, .npz, .csv, .tsv, .txt, .tif, .dem, .hgt, .asc, or a .zip archive of one",
+        science=False,
+    )
     member: str | None = option(
         None, "the map's name in a .zip archive; null: the only one", science=False
     )
@@ -187,8 +75,8 @@ class FileConfig(TerrainConfig):
     )
     crop: list[int] | None = option(
         None,
-        "first row, end row, first column, end column to keep, of the resampled map; from the end "
-        "if negative; null: all",
+        "first row, end row, first column, end column to keep, of the resampled map; row 0 is the "
+        "south; from the end if negative; null: all",
         length=4,
     )
 
@@ -213,8 +101,8 @@ class RandomFieldConfig(TerrainConfig):
         at_most=1e100,
         length=2,
     )
-    amplitude: float = option(300.0, "standard deviation", unit="the terrain's", above=0)
-    mean: float = option(1000.0, "mean", unit="the terrain's")
+    amplitude: float = option(300.0, "standard deviation", unit="the terrain's unit", above=0)
+    mean: float = option(1000.0, "mean", unit="the terrain's unit")
 
 
 @dataclass
@@ -245,7 +133,7 @@ def terrain_kind(name: str) -> str:
 
 
 @dataclass
-class PlannerConfig(PlannerOptions):
+class PlannerConfig:
     """What all planners have."""
 
     name: str = option("", "planner")
@@ -320,13 +208,15 @@ class OwnPlannerConfig(PlannerConfig):
     """A planner of the user's."""
 
     name: str = option("own", "planner", choices=("own",))
-    function: str | None = option(None, "dotted path of the planner, module.function")
-    options: dict[str, Any] = option({}, "its options")
+    function: str | None = option(
+        None, "module.function; a module in the current directory is found"
+    )
+    options: dict[str, Any] = option({}, "its keyword-only parameters")
     noisy_std: bool = option(False, "deviation that it is given includes the learned noise")
 
 
 @dataclass
-class DetectorConfig(DetectorOptions):
+class DetectorConfig:
     """What judges the samples."""
 
     name: str = option("none", "detector", choices=("none", "best"))
@@ -356,7 +246,9 @@ class PyodConfig(DetectorConfig):
         ["y"], "what it sees, standardised: position and measurement", choices=("x1", "x2", "y")
     )
     contamination: float = option(0.1, "share of the data to flag", above=0, at_most=0.5)
-    params: dict[str, Any] = option({}, "further parameters of the class")
+    params: dict[str, Any] = option(
+        {}, "further parameters of the class, as in detector.params.n_neighbors=5"
+    )
 
 
 @dataclass
@@ -392,12 +284,14 @@ class OwnDetectorConfig(DetectorConfig):
     """A detector of the user's."""
 
     name: str = option("own", "detector", choices=("own",))
-    function: str | None = option(None, "dotted path of the detector, module.function")
-    options: dict[str, Any] = option({}, "its options")
+    function: str | None = option(
+        None, "module.function; a module in the current directory is found"
+    )
+    options: dict[str, Any] = option({}, "its keyword-only parameters")
 
 
 @dataclass
-class ModelConfig(ModelOptions):
+class ModelConfig:
     """What all models have."""
 
     name: str = option("", "model")
@@ -422,7 +316,7 @@ class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
-    kernel: str = option("squared_exponential", "how near samples correlate", choices=KERNELS)
+    kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
     noise_variance: float = option(1.0, "start value of the noise variance", above=0, at_most=1e6)
@@ -442,8 +336,13 @@ class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))
-    kernel: str = option("squared_exponential", "how near samples correlate", choices=KERNELS)
-    dof: float = option(4.0, "degrees of freedom of the noise", above=2, at_most=1e12)
+    kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
+    dof: float = option(
+        4.0,
+        "degrees of freedom of the noise; the smaller, the less an outlier counts",
+        above=2,
+        at_most=1e12,
+    )
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
     noise_variance: float = option(
@@ -464,8 +363,8 @@ class OwnModelConfig(ModelConfig):
     """A model of the user's."""
 
     name: str = option("own", "model", choices=("own",))
-    function: str | None = option(None, "dotted path of the model, module.Class")
-    options: dict[str, Any] = option({}, "its options")
+    function: str | None = option(None, "module.Class; a module in the current directory is found")
+    options: dict[str, Any] = option({}, "keyword-only parameters of its constructor")
 
 
 METHODS: dict[str, dict[str, Any]] = {
@@ -546,7 +445,7 @@ class SensorConfig:
     noise_std: float = option(
         1.0,
         "standard deviation of the Gaussian noise",
-        unit="the terrain's",
+        unit="the terrain's unit",
         at_least=0,
         at_most=1e12,
     )
@@ -577,14 +476,45 @@ class OutliersConfig:
     )
 
 
+if TYPE_CHECKING:
+    Read = TypeVar("Read", covariant=True)
+    Written = TypeVar("Written", contravariant=True)
+
+    # For type checkers an option of any choice is there: which choice it is, is known at run time.
+    class AnyPlanner(WeightedConfig, GreedyConfig, LawnmowerConfig, RandomConfig, OwnPlannerConfig):
+        """Options of all planners."""
+
+    class AnyDetector(CopodConfig, PyodConfig, GpResidualConfig, LocalConfig, OwnDetectorConfig):
+        """Options of all detectors."""
+
+    class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
+        """Options of all terrains."""
+
+    class AnyModel(GpConfig, StudentTConfig, OwnModelConfig):
+        """Options of all models."""
+
+    class Choice(Generic[Read, Written]):
+        """A field that takes one of several schemas, and is read as if it were all."""
+
+        def __get__(self, owner: object, kind: Any = None) -> Read: ...
+
+        def __set__(self, owner: object, value: Written) -> None: ...
+
+
 @dataclass
 class MissionConfig:
     """All that decides the numbers of a mission, its seed and the map's bytes apart."""
 
-    planner: PlannerConfig = field(default_factory=TreeSearchConfig)
-    detector: DetectorConfig = field(default_factory=CopodConfig)
-    terrain: TerrainConfig = field(default_factory=HelensConfig)
-    model: ModelConfig = field(default_factory=GpConfig)
+    if TYPE_CHECKING:
+        planner: Choice[AnyPlanner, PlannerConfig] = Choice()
+        detector: Choice[AnyDetector, DetectorConfig] = Choice()
+        terrain: Choice[AnyTerrain, TerrainConfig] = Choice()
+        model: Choice[AnyModel, ModelConfig] = Choice()
+    else:
+        planner: PlannerConfig = field(default_factory=TreeSearchConfig)
+        detector: DetectorConfig = field(default_factory=CopodConfig)
+        terrain: TerrainConfig = field(default_factory=HelensConfig)
+        model: ModelConfig = field(default_factory=GpConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
@@ -626,36 +556,6 @@ class Config(MissionConfig):
 
 FARTHEST = 1e12
 """Largest coordinate of a workspace: beyond it, steps of a robot are lost in rounding."""
-
-LARGEST_INTEGER = 2**63 - 1
-"""What a column of a table can hold."""
-
-
-def with_values(choice: Any, **values: Any) -> Any:
-    """Copy a choice's options with some of other values, those that it has."""
-    own = {item.name for item in fields(choice)}
-    return replace(choice, **{name: value for name, value in values.items() if name in own})
-
-
-def options(config: object, prefix: str = "") -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    """Walk over all options of a configuration.
-
-    Yields
-    ------
-    name : str
-        Dotted name, as on the command line.
-    value
-        Its value.
-    metadata : dict
-        What `option` recorded, and the ``type``.
-    """
-    assert is_dataclass(config)
-    for item in fields(config):
-        value = getattr(config, item.name)
-        if is_dataclass(value):
-            yield from options(value, f"{prefix}{item.name}.")
-        else:
-            yield prefix + item.name, value, {"type": item.type, **item.metadata}
 
 
 def validate(config: MissionConfig) -> None:
@@ -727,52 +627,6 @@ def validate(config: MissionConfig) -> None:
             )
 
 
-def check_options(config: object, prefix: str = "") -> None:
-    """Check every option against its own choices and bounds.
-
-    Raises
-    ------
-    UsageError
-        Names the first option that is wrong and what it may be.
-    """
-    for name, value, metadata in options(config, prefix):
-        _check_option(name, value, metadata)
-
-
-def describe(metadata: dict[str, Any]) -> str:
-    """Say what values an option takes and what it is, from the metadata that `options` yields."""
-    return f"{allowed(metadata)} ({metadata['doc']})"
-
-
-def allowed(metadata: dict[str, Any]) -> str:
-    """Say what values an option takes, from the metadata that `options` yields."""
-    kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
-    words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
-    if metadata["choices"]:
-        listed = "a list of " if "list" in str(metadata["type"]) else ""
-        described = listed + _either(metadata["choices"])
-        described += " or a whole number" if metadata["bounds"] else ""
-    elif "dict" in str(metadata["type"]):
-        described = "a mapping like {name: value}"
-    elif "list" in str(metadata["type"]):
-        length = metadata["length"]
-        described = f"a list of {length} numbers" if length else "a list"
-    else:
-        described = words.get(kind.split(" | ")[0], "a number or a list")
-    if "None" in str(metadata["type"]):
-        described += " or null"
-    if metadata["bounds"]:
-        described += f", {_bounds(metadata)}"
-    unit = f" in {metadata['unit']}" if metadata["unit"] else ""
-    return f"{described}{unit}"
-
-
-def plain_number(value: float) -> str:
-    """Write a number shortly, but so that it is that very number when it is read again."""
-    short = f"{value:g}"
-    return short if float(short) == value else repr(value)
-
-
 def seed_list(seeds: Any) -> Sequence[int]:
     """Seeds that ``seeds=`` stands for: a count n means 0 to n - 1.
 
@@ -794,68 +648,3 @@ def seed_list(seeds: Any) -> Sequence[int]:
     if len(set(chosen)) < len(chosen):
         raise UsageError(f"seeds={seeds} names a seed twice: {allowed}")
     return chosen
-
-
-def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
-    choices = metadata["choices"]
-    for number in _numbers(value):
-        if isinstance(number, float) and not math.isfinite(number):
-            raise UsageError(f"{name}={value} must be finite")
-        if abs(number) > LARGEST_INTEGER and isinstance(number, int):
-            raise UsageError(f"{name}={value} is too large: a whole number has at most 18 digits")
-    if not fits(value, metadata["type"]):
-        raise UsageError(f"{name}={value} is not possible: {name} must be {describe(metadata)}")
-    if value is None:
-        return
-    if choices and isinstance(value, list):
-        if not value or len(set(value)) < len(value) or not set(value) <= set(choices):
-            raise UsageError(
-                f"{name}={value} is not possible: use one or several of {', '.join(choices)}, "
-                f"each once ({metadata['doc']})"
-            )
-        return
-    if isinstance(value, str):
-        if choices and value not in choices:
-            besides = " or a whole number" if metadata["bounds"] else " or a number"
-            also = besides if metadata["type"] is Any else ""
-            if set(value.split(",")) <= set(choices):
-                also += " (add -m to run several)"
-            raise UsageError(f"{name}={value} is not a choice: use {_either(choices)}{also}")
-        return
-    length = metadata["length"]
-    if length is not None and len(value) != length:
-        raise UsageError(f"{name}={value} must have {length} entries ({metadata['doc']})")
-    for number in _numbers(value):
-        for relation, bound in metadata["bounds"].items():
-            if not _holds(number, relation, bound):
-                raise UsageError(
-                    f"{name}={value} is out of bounds: it must be {_bounds(metadata)} "
-                    f"({metadata['doc']})"
-                )
-
-
-def _numbers(value: Any) -> Iterator[float]:
-    if isinstance(value, list):
-        for entry in value:
-            yield from _numbers(entry)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield value
-
-
-def _holds(number: float, relation: str, bound: float) -> bool:
-    return {
-        "at least": number >= bound,
-        "above": number > bound,
-        "at most": number <= bound,
-        "below": number < bound,
-    }[relation]
-
-
-def _bounds(metadata: dict[str, Any]) -> str:
-    return " and ".join(
-        f"{relation} {plain_number(bound)}" for relation, bound in metadata["bounds"].items()
-    )
-
-
-def _either(choices: tuple[str, ...]) -> str:
-    return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)

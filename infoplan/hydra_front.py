@@ -51,16 +51,10 @@ from omegaconf.errors import (
 )
 
 from infoplan.caches import scratch_folder
-from infoplan.config import (
-    METHODS,
-    TERRAIN_SCHEMAS,
-    Config,
-    TerrainConfig,
-    describe,
-    options,
-)
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, TerrainConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.files import user_path
+from infoplan.options import describe, walk
 from infoplan.output import Output
 from infoplan.own import load, text_parameters
 from infoplan.study.limits import check_sweep
@@ -829,10 +823,10 @@ def _no_option(name: str) -> str:
 
 def _all_options() -> dict[str, dict[str, Any]]:
     """Metadata of every option that some choice has."""
-    known = {name: metadata for name, _, metadata in options(Config())}
+    known = {name: metadata for name, _, metadata in walk(Config())}
     for group, choices in SCHEMAS.items():
         for schema in choices.values():
-            for name, _, metadata in options(schema, f"{group}."):
+            for name, _, metadata in walk(schema, f"{group}."):
                 known.setdefault(name, metadata)
     return known
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from infoplan.answers import checked_actions, checked_drive, checked_prediction, checked_verdict
 from infoplan.config import MissionConfig
+from infoplan.culprit import culprit_named
 from infoplan.detect import Evidence, Judgement
 from infoplan.errors import RunError
-from infoplan.methods import culprit_named, find, method_label
+from infoplan.methods import find, method_label
 from infoplan.plan import Situation, count_flags, smooth
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path, steering_angles, turn_on_the_spot

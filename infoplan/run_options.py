@@ -11,8 +11,9 @@ import yaml
 from click.shell_completion import CompletionItem
 
 from infoplan.command_line import More, Setting, path_items, written
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig, allowed, options
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
 from infoplan.errors import UsageError
+from infoplan.options import allowed, walk
 from infoplan.text_options import decimal, typed_text
 
 GROUPS: dict[str, dict[str, Any]] = {
@@ -42,7 +43,7 @@ class Value(click.ParamType):
     name
         Of the option.
     metadata
-        As `infoplan.config.options` yields them.
+        As `infoplan.options.walk` yields them.
     """
 
     name = "value"
@@ -117,7 +118,7 @@ def of_choice(group: str, choice: str) -> list[Setting]:
     """Declare the options of a choice of a group, those of the user's own function included."""
     return [
         _setting(name, value, metadata)
-        for name, value, metadata in options(GROUPS[group][choice], f"{group}.")
+        for name, value, metadata in walk(GROUPS[group][choice], f"{group}.")
         if name != f"{group}.name"
     ]
 
@@ -150,7 +151,7 @@ def root_settings() -> list[Setting]:
     """Declare the options that are of no group."""
     return [
         _setting(name, value, metadata)
-        for name, value, metadata in options(Config())
+        for name, value, metadata in walk(Config())
         if name.partition(".")[0] not in GROUPS
     ]
 
@@ -175,7 +176,7 @@ def leaderboard_settings(given: Mapping[str, Any]) -> list[Setting]:
             for setting in of_choice(group, choice):
                 if setting.word not in NOT_STORED:
                     settings.setdefault(setting.word, setting)
-    for name, value, metadata in options(MissionConfig()):
+    for name, value, metadata in walk(MissionConfig()):
         if name.partition(".")[0] not in GROUPS:
             settings[name] = _setting(name, value, metadata)
     settings["terrain.sha256"] = Setting(
@@ -224,7 +225,7 @@ def write_run_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> 
             names = [current[group], *(name for name in GROUPS[group] if name != current[group])]
             _write_choice(formatter, group, names)
         _write_choice(formatter, "experiment", experiments())
-    mission = {name for name, _, _ in options(MissionConfig())}
+    mission = {name for name, _, _ in walk(MissionConfig())}
     of_mission = [setting for setting in root_settings() if setting.word in mission]
     of_mission.sort(key=lambda setting: "." in setting.word)
     how = [setting for setting in root_settings() if setting.word not in mission]

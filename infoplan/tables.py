@@ -1,32 +1,192 @@
-"""The columns of the three tables of a mission, and the sizes within which files are read."""
+"""The tables of a mission: what each column is, and the sizes within which files are read.
 
-COLUMNS: dict[str, dict[str, str]] = {
-    "curves": {
-        **dict.fromkeys(["planner", "detector", "scope"], "text"),
-        "rho": "double",
-        "terrain": "text",
-        **dict.fromkeys(["seed", "epoch", "collected", "accepted"], "integer"),
-        **dict.fromkeys(["rmse", "mae", "nlpd", "coverage95"], "double"),
-        **dict.fromkeys(["tp", "fp", "fn", "tn"], "integer"),
-        **dict.fromkeys(["amplitude", "lengthscale_1", "lengthscale_2"], "double"),
-        **dict.fromkeys(["noise_std", "jitter", "lml"], "double"),
-        **dict.fromkeys(["plan_seconds", "fit_seconds"], "double"),
-        **dict.fromkeys(["predict_seconds", "detect_seconds"], "double"),
-    },
-    "samples": {
-        **dict.fromkeys(["seed", "epoch"], "integer"),
-        **dict.fromkeys(["x1", "x2", "heading", "truth", "measured", "score"], "double"),
-        **dict.fromkeys(["is_outlier", "flagged", "used"], "boolean"),
-    },
-    "maps": {
-        "seed": "integer",
-        **dict.fromkeys(["x1", "x2", "truth", "mean", "std", "outlier_density"], "double"),
-    },
+Columns and tables are added, never moved or given another meaning: older results stay readable.
+What `FIRST` wrote is in every file; a column of later may be missing, and reads as null; a table
+of later may be missing; a column of a version to come is read as it is.
+"""
+
+import math
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+FIRST = "0.1.0"
+"""The version that wrote the first results."""
+
+SCHEMA_VERSION = 1
+"""Raised by hand when a column goes or changes its meaning; a column more needs none."""
+
+KINDS = {
+    "text": pa.string(),
+    "integer": pa.int64(),
+    "double": pa.float64(),
+    "boolean": pa.bool_(),
 }
-"""Columns that each table has at least, in order, and what each holds."""
+"""Kinds of columns, and the type that each is written with."""
 
-GAPS = ("score",)
-"""Columns whose values may be missing: a sample that was never judged has no score."""
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    name
+        In the file.
+    kind
+        A key of `KINDS`.
+    doc
+        What a value is, for a person.
+    unit
+        Of the values, empty where they have none.
+    at_least, at_most
+        Bounds of a possible value.
+    told_by
+        Group of methods (``model``, ``detector``) that tells it: where that method is the user's
+        own, it may be NaN.
+    gaps
+        Whether any value may be missing, null or NaN.
+    since
+        The version that wrote it first.
+    """
+
+    name: str
+    kind: str
+    doc: str
+    unit: str = ""
+    at_least: float = -math.inf
+    at_most: float = math.inf
+    told_by: str = ""
+    gaps: bool = False
+    since: str = FIRST
+
+    @property
+    def may_be_missing(self) -> bool:
+        """Whether there are files without it."""
+        return self.since != FIRST
+
+    @property
+    def nullable(self) -> bool:
+        """Whether a value may be null."""
+        return self.gaps or self.may_be_missing
+
+    @property
+    def field(self) -> pa.Field:
+        """Arrow's field, which tells what the column is wherever the file goes."""
+        told = {"doc": self.doc, "unit": self.unit}
+        return pa.field(self.name, KINDS[self.kind], metadata={k: v for k, v in told.items() if v})
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a mission.
+
+    Attributes
+    ----------
+    doc
+        What a row is, for a person.
+    columns
+        By name, in order.
+    since
+        The version that wrote it first.
+    """
+
+    doc: str
+    columns: dict[str, Column]
+    since: str = FIRST
+
+    @property
+    def may_be_missing(self) -> bool:
+        """Whether there are missions without it."""
+        return self.since != FIRST
+
+    def in_unit(self, unit: str) -> list[str]:
+        """Names of the columns in a unit."""
+        return [column.name for column in self.columns.values() if column.unit == unit]
+
+
+def _table(doc: str, *columns: Column, since: str = FIRST) -> Table:
+    return Table(doc, {column.name: column for column in columns}, since)
+
+
+ELEVATION = "the terrain's unit"
+LENGTH = "workspace units"
+SCALED = "scaled units"
+SECONDS = "s"
+
+TABLES: dict[str, Table] = {
+    "curves": _table(
+        "a decision epoch",
+        Column("planner", "text", "the planner"),
+        Column("detector", "text", "the detector"),
+        Column("scope", "text", "what it judges: batch or historical"),
+        Column("rho", "double", "share of a batch that becomes outliers", at_least=0, at_most=1),
+        Column("terrain", "text", "the map"),
+        Column("seed", "integer", "seed of the mission", at_least=0),
+        Column("epoch", "integer", "decision epoch; 0: after the pilot", at_least=0),
+        Column("collected", "integer", "samples so far, the pilot's included", at_least=1),
+        Column("accepted", "integer", "samples in the model", at_least=0),
+        Column(
+            "rmse",
+            "double",
+            "root mean square error of the latent mean on the query grid",
+            ELEVATION,
+            at_least=0,
+        ),
+        Column("mae", "double", "mean absolute error likewise", ELEVATION, at_least=0),
+        Column("nlpd", "double", "mean negative log density of the truth, latent mean and std"),
+        Column(
+            "coverage95",
+            "double",
+            "share of the nodes whose truth lies in the central 95 % interval",
+            at_least=0,
+            at_most=1,
+        ),
+        Column("tp", "integer", "outliers flagged, of the samples judged", at_least=0),
+        Column("fp", "integer", "others flagged", at_least=0),
+        Column("fn", "integer", "outliers kept", at_least=0),
+        Column("tn", "integer", "others kept", at_least=0),
+        Column("amplitude", "double", "of the kernel", SCALED, told_by="model"),
+        Column("lengthscale_1", "double", "of the kernel along x1", SCALED, told_by="model"),
+        Column("lengthscale_2", "double", "of the kernel along x2", SCALED, told_by="model"),
+        Column("noise_std", "double", "deviation of the learned noise", SCALED, told_by="model"),
+        Column("jitter", "double", "added to the covariance's diagonal", SCALED, told_by="model"),
+        Column("lml", "double", "log marginal likelihood of the data", told_by="model"),
+        Column("plan_seconds", "double", "time of planning", SECONDS, at_least=0),
+        Column("fit_seconds", "double", "time of learning", SECONDS, at_least=0),
+        Column("predict_seconds", "double", "time of predicting the query grid", SECONDS,
+               at_least=0),
+        Column("detect_seconds", "double", "time of judging samples", SECONDS, at_least=0),
+    ),
+    "samples": _table(
+        "a sample, in order of collection",
+        Column("seed", "integer", "seed of the mission", at_least=0),
+        Column("epoch", "integer", "decision epoch that collected it; 0: the pilot", at_least=0),
+        Column("x1", "double", "position", LENGTH),
+        Column("x2", "double", "position", LENGTH),
+        Column("heading", "double", "after the turn", "rad", at_least=0, at_most=2 * math.pi),
+        Column("truth", "double", "elevation", ELEVATION),
+        Column("measured", "double", "what the sensor said", ELEVATION),
+        Column("score", "double", "the detector's last; none: NaN", told_by="detector", gaps=True),
+        Column("is_outlier", "boolean", "whether it was corrupted"),
+        Column("flagged", "boolean", "whether the detector calls it an outlier, at the end"),
+        Column("used", "boolean", "whether it is in the model, at the end"),
+    ),
+    "maps": _table(
+        "a node of the query grid, row-major, at the end",
+        Column("seed", "integer", "seed of the mission", at_least=0),
+        Column("x1", "double", "position", LENGTH),
+        Column("x2", "double", "position", LENGTH),
+        Column("truth", "double", "elevation", ELEVATION),
+        Column("mean", "double", "latent mean", ELEVATION),
+        Column("std", "double", "latent standard deviation", ELEVATION, at_least=0),
+        Column("outlier_density", "double", "smoothed count of flagged samples", at_least=0),
+    ),
+}  # fmt: skip
+"""Tables and columns, in order."""
+
+DURATIONS = TABLES["curves"].in_unit(SECONDS)
+"""Columns of the curve that tell how long a part of an epoch took."""
 
 MAX_ROWS = 1 << 24
 """Rows that a table has at most: more could not be modelled."""

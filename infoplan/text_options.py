@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, options, plain_number
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config
 from infoplan.errors import UsageError
+from infoplan.options import plain_number, walk
 
 _QUOTED = re.compile(r"'((?:[^'\\]|\\.)*)'|\"((?:[^\"\\]|\\.)*)\"", re.DOTALL)
 """A whole string in quotes, as Hydra writes and reads it."""
@@ -168,7 +169,7 @@ def _types() -> dict[str, set[Any]]:
     schemas = [(f"{group}.", one) for group, made in groups.items() for one in made.values()]
     found: dict[str, set[Any]] = {}
     for prefix, schema in [("", Config()), *schemas]:
-        for name, _, metadata in options(schema, prefix):
+        for name, _, metadata in walk(schema, prefix):
             found.setdefault(name, set()).add(metadata["type"])
     return found
 

@@ -1,15 +1,22 @@
-"""The YAML files repeat the dataclasses, and every choice composes."""
+"""What repeats the dataclasses is as they are: YAML files, signatures, the page of the columns."""
 
+import inspect
+import runpy
 from dataclasses import asdict
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 import yaml
 
-from infoplan.config import Config, MissionConfig, options
+from infoplan.config import METHODS, Config, MissionConfig
 from infoplan.hydra_front import SCHEMAS
+from infoplan.methods import find
+from infoplan.options import walk
 
 CONF = files("infoplan.conf")
+SCRIPT = Path(__file__).parents[1] / "scripts" / "derive.py"
+BUILT_IN = [(group, choice) for group in METHODS for choice in METHODS[group] if choice != "own"]
 
 
 def read(*path: str) -> dict:
@@ -41,8 +48,29 @@ def test_the_root_equals_its_dataclass():
 
 
 def test_every_option_says_what_it_is():
-    for name, _, metadata in options(Config()):
+    for name, _, metadata in walk(Config()):
         assert metadata["doc"], name
-    assert {name for name, _, _ in options(MissionConfig())} < {
-        name for name, _, _ in options(Config())
+    assert {name for name, _, _ in walk(MissionConfig())} < {name for name, _, _ in walk(Config())}
+
+
+def test_what_is_derived_is_as_the_code_says():
+    """Comments of the YAML files and the page's columns, too: make derived writes them."""
+    files = dict(runpy.run_path(str(SCRIPT))["derived"]())
+    assert len(files) == 2 + sum(map(len, SCHEMAS.values()))
+    for path, text in files.items():
+        assert path.read_text(encoding="utf-8") == text, f"{path.name}: make derived"
+
+
+@pytest.mark.parametrize(("group", "choice"), BUILT_IN)
+def test_a_method_s_signature_has_the_defaults_of_its_schema(group, choice):
+    bound = find(group, METHODS[group][choice])
+    signature = inspect.signature(bound.func).parameters
+    for name, default in bound.keywords.items():
+        told = signature[name].default
+        if told is not inspect.Parameter.empty:
+            told = list(told) if isinstance(told, tuple) else told
+            assert ({} if told is None else told) == default, name  # no default may be mutable
+    keyword_only = {
+        name for name, one in signature.items() if one.kind is inspect.Parameter.KEYWORD_ONLY
     }
+    assert keyword_only == set(bound.keywords)

@@ -1,20 +1,23 @@
 """Every example of the README and the documents runs: Python as it is, commands on a small study.
 
-Every link within the project leads somewhere.
+Every link within the project leads somewhere, and so does every path that a guide names.
 """
 
 import os
 import re
 import shlex
 import shutil
+import tomllib
 from pathlib import Path
 
 import pandas
 import pytest
+import yaml
 from command import infoplan
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+GUIDES = [page for page in PAGES if page.name in ("CONTRIBUTING.md", "architecture.md")]
 BLOCKS = [
     (page.name, kind, text)
     for page in PAGES
@@ -107,7 +110,51 @@ def test_links(page):
 def test_the_readme_is_short_and_leads_to_every_page():
     text = PAGES[0].read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 200
-    assert [page.name for page in PAGES[1:] if f"(docs/{page.name})" not in text] == []
+    pages = [page.relative_to(ROOT).as_posix() for page in PAGES[1:]]
+    assert [page for page in pages if f"({page})" not in text] == []
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.name)
+def test_what_a_guide_names_is_there(page):
+    """Files and folders, `<name>` standing for any; targets of make."""
+    text = page.read_text(encoding="utf-8")
+    quoted = re.sub(r"```\w+\n.*?```", "", text, flags=re.DOTALL)
+    quoted = " ".join(re.findall(r"`+([^`]+)`+", quoted))
+    paths = re.findall(r"[\w.<>*-]*/[\w.<>*/-]*", quoted)
+    paths = [path for path in paths if not path.startswith((".venv", "htmlcov"))]
+    assert len(paths) > 10
+    for path in paths:
+        pattern = re.sub("<[a-z]+>", "*", path.rstrip("/"))
+        assert list(ROOT.glob(pattern)), f"{page.name} names {path}"
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    assert set(re.findall(r"\bmake ([a-z-]+)", quoted)) <= targets
+
+
+def test_the_architecture_names_every_package():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    packages = [file.parent.name for file in (ROOT / "infoplan").glob("*/__init__.py")]
+    assert len(packages) > 5
+    assert [name for name in packages if not re.search(rf"\b{name}\b", text)] == []
+
+
+def test_the_workflow_runs_the_oldest_and_the_newest_python():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    job = workflow["jobs"]["run"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    least, below = re.findall(r"3\.(\d+)", project["requires-python"])
+    assert job["strategy"]["matrix"]["python"] == [f"3.{least}", f"3.{int(below) - 1}"]
+    assert job["steps"][-1] == {"run": ".ci/run"}
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+
+
+def test_the_hooks_are_the_tools_of_make_check():
+    settings = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())
+    hooks = [hook for repository in settings["repos"] for hook in repository["hooks"]]
+    assert {repository["repo"] for repository in settings["repos"]} == {"local"}
+    check = (ROOT / "Makefile").read_text().partition("\ncheck:")[2].partition("\n\n")[0]
+    tools = {line.split()[0].rpartition("/")[2] for line in check.splitlines()[1:]}
+    used = {hook["entry"].split()[0].removeprefix(".venv/bin/") for hook in hooks}
+    assert {"ruff", "mypy"} <= used & tools
 
 
 def test_there_are_examples():

@@ -7,16 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from infoplan.config import (
-    METHODS,
-    Config,
-    CopodConfig,
-    MissionConfig,
-    TerrainConfig,
-    options,
-    with_values,
-)
+from infoplan.config import METHODS, Config, CopodConfig, MissionConfig, TerrainConfig
 from infoplan.mission import Mission
+from infoplan.options import walk, with_values
 from infoplan.terrain import load_terrain
 
 DEFAULTS = {
@@ -222,13 +215,13 @@ def base_numbers() -> tuple[np.ndarray, ...]:
 
 
 def test_defaults_are_the_documented_ones():
-    found = {name: value for name, value, _ in options(Config())}
+    found = {name: value for name, value, _ in walk(Config())}
     for name, value in DEFAULTS.items():
         assert found[name] == value, name
 
 
 def test_every_scientific_option_is_tried_here():
-    names = {name for name, _, _ in options(MissionConfig())}
+    names = {name for name, _, _ in walk(MissionConfig())}
     names -= {"terrain.name", "terrain.path", "terrain.on_missing"}
     names -= {"detector.name", "model.name"}
     assert names == set(CHANGES)
@@ -251,7 +244,7 @@ def test_every_option_of_every_choice_is_tried_here():
     trivial = {("detector", "none"), ("detector", "best")}  # a scope that changes nothing
     for group, choices in METHODS.items():
         for choice, schema in choices.items():
-            names = {name for name, _, _ in options(schema, f"{group}.")} - {f"{group}.name"}
+            names = {name for name, _, _ in walk(schema, f"{group}.")} - {f"{group}.name"}
             if (group, choice) not in tried | trivial:
                 assert names == set(OF_THE_CHOICE[group, choice]), (group, choice)
 

@@ -18,7 +18,8 @@ DATA = {".py", ".yaml", ".json", ".html", ".css", ".js", ".png", ".gif", ".ipynb
 def wanted() -> set[str]:
     """Files that the tests, the README and make need, as they lie in the tree."""
     needed = {"README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "Makefile", "pyproject.toml",
-              "constraints.txt", "infoplan/py.typed"}  # fmt: skip
+              "constraints.txt", "infoplan/py.typed", "CONTRIBUTING.md", ".pre-commit-config.yaml",
+              ".ci/run", ".github/workflows/ci.yml"}  # fmt: skip
     for folder in ("infoplan", "conf", "tests", "benchmarks", "examples", "docs", "scripts"):
         for file in (ROOT / folder).rglob("*"):
             if file.is_file() and file.suffix in DATA and "__pycache__" not in file.parts:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+import pyarrow as pa
 
 from infoplan.config import METHODS, MissionConfig
 from infoplan.errors import RunError, UsageError
@@ -575,15 +576,21 @@ def _load(source: str | Path | Selection, table: str, filters: dict[str, Any]) -
         selection = source
     else:
         selection = find_missions(source, **filters)
+    labels = ("run", "method", "planner", "detector", "scope", "rho")
     frames = []
     for row in _rows(selection.missions):
         stored = read_table(selection.results_dir, table, row["run"], row["seed"])
-        frame: pd.DataFrame = stored.to_pandas()
-        for position, name in enumerate(("run", "method", "planner", "detector", "scope", "rho")):
-            if name not in frame:
-                frame.insert(position, name, row[name])
-        frames.append(frame)
-    together = pd.concat(frames, ignore_index=True)
+        for position, name in enumerate(labels):
+            if name not in stored.column_names:
+                stored = stored.add_column(position, name, [[row[name]] * len(stored)])
+        frames.append(stored)
+    # Versions differ in columns: what a file has not is missing in its rows.
+    try:
+        together: pd.DataFrame = pa.concat_tables(frames, promote_options="permissive").to_pandas()
+    except pa.ArrowException as error:
+        raise RunError(
+            f"the {table} do not go together ({harmless(str(error))}): choose runs with run="
+        ) from error
     for name in differing(selection.options):
         values = {run: _value(flat.get(name)) for run, flat in selection.options.items()}
         together[name] = together["run"].map(values)

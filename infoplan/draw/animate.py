@@ -20,10 +20,10 @@ from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import on_grid
 from infoplan.analyse.tables import find_missions, flatten
 from infoplan.config import MissionConfig, validate
+from infoplan.culprit import culprit_named
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import Look, looks, method_of
-from infoplan.methods import admit, culprit_named
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.plan import count_flags, smooth
 from infoplan.study.replay import stand_in
@@ -31,6 +31,7 @@ from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.terrain import Terrain
 from infoplan.terrain.surface import checked_extent
+from infoplan.trust import admit
 from infoplan.wording import figure
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ class Kernel:
     """A positive definite function c(a, b) of two positions with c(a, a) = 1.
 
     The model's covariance is alpha^2 c(a, b). Positions are in scaled units. `correlation` and
-    `gradient` are compiled (`infoplan.compiled.kernel`, or `numba.njit` outside of infoplan); what
+    `gradient` are compiled (`infoplan.compiled.kernel`, or Numba outside of infoplan); what
     both need of the hyperparameters alone, `constants` computes beforehand.
 
     Attributes

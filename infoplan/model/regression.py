@@ -176,9 +176,8 @@ class Regression:
         )
         if noisy:
             variance += self._noise_variance()
-        return self._scaler.y_mean + self._scaler.y_std * mean, self._scaler.y_std * np.sqrt(
-            variance
-        )
+        y_mean, y_std = self._scaler.y_mean, self._scaler.y_std
+        return y_mean + y_std * mean, y_std * np.sqrt(variance)
 
     def weights_and_inverse(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Condition on other data under the present hyperparameters; the model stays as it is.

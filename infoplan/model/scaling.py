@@ -9,7 +9,7 @@ from infoplan.errors import RunError
 
 @dataclass(frozen=True)
 class Scaler:
-    """Inputs go to [-1, 1] over the pilot's bounding box, its observations to mean 0 and deviation 1.
+    """Inputs go to [-1, 1] by the pilot's bounding box, its measurements to mean 0, deviation 1.
 
     Attributes
     ----------

@@ -11,15 +11,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 from infoplan.backend import load_matplotlib
-from infoplan.config import (
-    DetectorConfig,
-    GpConfig,
-    MissionConfig,
-    RandomConfig,
-    TerrainConfig,
-    with_values,
-)
+from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfig, TerrainConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.options import with_values
 from infoplan.study.identity import NUMERICS_VERSION, Run
 from infoplan.study.progress import COMPILING, Report
 from infoplan.study.provenance import provenance

@@ -14,22 +14,18 @@ from infoplan.config import (
     MissionConfig,
     OwnTerrainConfig,
     TerrainConfig,
-    check_options,
     terrain_kind,
     validate,
 )
-from infoplan.config import options as walk
 from infoplan.errors import RunError, UsageError
 from infoplan.methods import complete, method_from_stored, stored_methods
+from infoplan.options import check_options, walk
 from infoplan.own import fits, in_words, load, resolve_options
 from infoplan.tables import MAX_ROWS
 from infoplan.terrain import Terrain, find_helens, load_terrain
 
 NUMERICS_VERSION = 1
 """Raised by hand whenever the same configuration and seed give other numbers than before."""
-
-SCHEMA_VERSION = 1
-"""Raised by hand whenever a table's columns or their meaning change."""
 
 ADDED_LATER = {"model.kernel": "squared_exponential"}
 """Options of methods that runs of earlier versions have not stored, and what they flew with.

@@ -22,13 +22,8 @@ from infoplan.config import MissionConfig
 from infoplan.errors import UsageError
 from infoplan.files import read_regular
 from infoplan.own import fits, in_words
-from infoplan.study.identity import (
-    SCHEMA_VERSION,
-    digest,
-    restored,
-    run_name,
-)
-from infoplan.tables import MAX_DOCUMENT
+from infoplan.study.identity import digest, restored, run_name
+from infoplan.tables import MAX_DOCUMENT, SCHEMA_VERSION
 from infoplan.wording import harmless
 
 MAX_DEPTH = 32

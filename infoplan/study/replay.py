@@ -20,9 +20,9 @@ from hydra.errors import HydraException
 
 from infoplan.caches import kernel_note
 from infoplan.config import MissionConfig, TreeSearchConfig, validate
+from infoplan.culprit import culprit_named
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front import compose
-from infoplan.methods import admit, culprit_named
 from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.study.flight import Outcome, Task, failed
 from infoplan.study.identity import Run, identify, run_name
@@ -40,6 +40,7 @@ from infoplan.study.store import (
 )
 from infoplan.terrain import Terrain
 from infoplan.threads import look_again, one_thread
+from infoplan.trust import admit
 from infoplan.wording import figure
 
 GROUPS = ("detector", "model")

@@ -5,7 +5,6 @@ curve last: a curve means that the mission is done. `inspect` tells whether what
 """
 
 import errno
-import hashlib
 import json
 import math
 import os
@@ -13,7 +12,7 @@ import re
 import sys
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
@@ -29,33 +28,23 @@ import yaml
 from infoplan.errors import RunError, UsageError
 from infoplan.files import read_regular
 from infoplan.methods import method_label
-from infoplan.study.identity import SCHEMA_VERSION, Run
+from infoplan.study.columns import canonical, completed, lay_out, values_digest
+from infoplan.study.identity import Run
 from infoplan.study.provenance import git_state, provenance
 from infoplan.study.records import Footer, MisfitError, footer_digest, read_document
 from infoplan.tables import (
-    COLUMNS,
-    GAPS,
+    DURATIONS,
     MAX_BYTES,
     MAX_COLUMNS,
-    MAX_DOCUMENT,
+    MAX_ROWS,
     MAX_SEED_DIGITS,
+    SCHEMA_VERSION,
+    TABLES,
 )
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:
     from infoplan.mission import CurveRow, Mission
-
-TYPES: tuple[tuple[str, pa.DataType, Callable[[pa.DataType], bool]], ...] = (
-    (
-        "text",
-        pa.string(),
-        lambda found: pa.types.is_string(found) or pa.types.is_large_string(found),
-    ),
-    ("integer", pa.int64(), pa.types.is_integer),
-    ("double", pa.float64(), pa.types.is_float64),
-    ("boolean", pa.bool_(), pa.types.is_boolean),
-)
-"""Kinds of columns, the type that each is written with, and those that it is read from."""
 
 FOOTER = b"infoplan"
 """Key of the JSON document in a table's Parquet metadata."""
@@ -117,14 +106,16 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
         "rho": config.rho,
         "terrain": run.terrain.name,
     }
-    curves = {name: [value] * n for name, value in labels.items()}
-    curves["seed"] = [seed] * n
-    for item in fields(rows[0]):
-        curves[item.name] = [getattr(row, item.name) for row in rows]
     samples = mission.samples
     return MissionTables(
-        curves=pa.table(curves),
-        samples=pa.table(
+        curves=lay_out(
+            "curves",
+            {name: [value] * n for name, value in labels.items()}
+            | {"seed": [seed] * n}
+            | {item.name: [getattr(row, item.name) for row in rows] for item in fields(rows[0])},
+        ),
+        samples=lay_out(
+            "samples",
             {
                 "seed": np.full(len(samples), seed),
                 "epoch": samples.epoch,
@@ -137,9 +128,10 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
                 "is_outlier": samples.is_outlier,
                 "flagged": samples.flagged,
                 "used": ~samples.flagged,
-            }
+            },
         ),
-        maps=pa.table(
+        maps=lay_out(
+            "maps",
             {
                 "seed": np.full(len(mission.grid), seed),
                 "x1": mission.grid[:, 0],
@@ -148,7 +140,7 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
                 "mean": mission.mean,
                 "std": mission.latent_std,
                 "outlier_density": mission.outlier_density().ravel(),
-            }
+            },
         ),
     )
 
@@ -191,7 +183,7 @@ def list_failures(results_dir: Path) -> dict[str, list[int]]:
 def list_foreign(results_dir: Path) -> list[Path]:
     """List files in the folders of the tables that are no mission's; readers may trip over them."""
     found = []
-    for table in COLUMNS:
+    for table in TABLES:
         for path in sorted((results_dir / table).rglob("*")):
             run = path.parent
             ours = run.name.startswith("run=") and run.parent == results_dir / table
@@ -218,7 +210,7 @@ def inspect(results_dir: Path, run: str, seed: int) -> Stored:
         return Stored("missing")
     footers = {}
     try:
-        for name in COLUMNS:
+        for name in present_tables(results_dir, run, seed):
             _, footers[name] = _read(results_dir, name, run, seed)
     except RunError as error:
         return Stored("broken", str(error))
@@ -228,6 +220,15 @@ def inspect(results_dir: Path, run: str, seed: int) -> Stored:
             harmless(f"the tables of {run} seed {seed} are not of one mission: their {wrong}"),
         )
     return Stored("done", footer=footers["curves"])
+
+
+def present_tables(results_dir: Path, run: str, seed: int) -> list[str]:
+    """List the tables that a mission must have, and those of the others that it has."""
+    return [
+        name
+        for name, table in TABLES.items()
+        if not table.may_be_missing or os.path.lexists(table_path(results_dir, name, run, seed))
+    ]
 
 
 def disagreement(footers: Sequence[Footer]) -> str:
@@ -248,18 +249,6 @@ def read_table(results_dir: Path, table: str, run: str, seed: int) -> pa.Table:
     return _read(results_dir, table, run, seed)[0]
 
 
-def values_digest(table: pa.Table) -> str:
-    """SHA-256 of all names and values of a table, whatever way a file stores them."""
-    hashed = hashlib.sha256()
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        hashed.update(name.encode())
-        if pa.types.is_string(column.type):
-            hashed.update("\0".join(map(str, column.to_pylist())).encode())
-        else:
-            hashed.update(column.to_numpy().tobytes())
-    return hashed.hexdigest()
-
-
 def read_footer(path: Path) -> Footer:
     """Read the provenance of a table; of its values nothing is looked at.
 
@@ -274,7 +263,7 @@ def read_footer(path: Path) -> Footer:
         return footer
 
 
-def open_table(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Table, Footer]:
+def open_table(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Table, Footer, str]:
     """Read one table of a mission and its footer, checked but for the digest of the values.
 
     Sizes are taken from the file's metadata before anything is unpacked.
@@ -282,8 +271,11 @@ def open_table(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Ta
     Returns
     -------
     table : pyarrow.Table
-        Its columns have the types of `COLUMNS`, in whatever kindred type they are stored.
+        Its columns have the types of `TABLES`, in whatever kindred type they are stored; one that
+        the file lacks is null.
     footer : Footer
+    digest : str
+        `values_digest` of what the file holds.
 
     Raises
     ------
@@ -295,10 +287,10 @@ def open_table(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Ta
         footer = _footer(file)
         _demand_owner(footer, path)
         _demand_size(file.metadata, name, footer)
-        table = _canonical(file.read(use_threads=False), name)
+        table = canonical(file.read(use_threads=False), name)
         if not pc.all(pc.equal(table["seed"], seed)).as_py():
             raise MisfitError(f"it holds other rows than those of seed {seed}")
-    return table, footer
+        return completed(table, name), footer, values_digest(table)
 
 
 def prepare(results_dir: Path) -> None:
@@ -384,9 +376,9 @@ def save_mission(
     }
     written: dict[Path, Path] = {}
     try:
-        for name in ("samples", "maps", "curves"):
+        # The curve comes last: where it is, all of the mission is.
+        for name, table in reversed(vars(tables).items()):
             path = table_path(results_dir, name, run.name, seed)
-            table: pa.Table = getattr(tables, name)
             text = sealed({**document, "values_sha256": values_digest(table)})
             try:
                 read_document(text)
@@ -419,8 +411,7 @@ def sealed(document: dict[str, Any]) -> bytes:
 def _here_and_now(tables: MissionTables) -> dict[str, Any]:
     """Give the provenance of a mission that has just been flown here."""
     curves = tables.curves
-    parts = [name for name in curves.column_names if name.endswith("_seconds")]
-    seconds = sum(float(pc.sum(curves[name]).as_py()) for name in parts)
+    seconds = sum(float(pc.sum(curves[name]).as_py() or 0.0) for name in DURATIONS)
     now = datetime.now(UTC)
     return provenance() | {
         "started": (now - timedelta(seconds=seconds)).isoformat(timespec="milliseconds"),
@@ -446,9 +437,9 @@ def save_failure(results_dir: Path, run: str, seed: int, text: str) -> Path:
 
 def _read(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Table, Footer]:
     """Read a table and its footer, and check its values."""
-    table, footer = open_table(results_dir, name, run, seed)
+    table, footer, digest = open_table(results_dir, name, run, seed)
     with _broken(table_path(results_dir, name, run, seed)):
-        if footer.values_sha256 != values_digest(table):
+        if footer.values_sha256 != digest:
             raise MisfitError("it does not hold the values that were written")
     return table, footer
 
@@ -514,7 +505,7 @@ def _demand_size(metadata: pq.FileMetaData, name: str, footer: Footer) -> None:
         "curves": (1, science["budget"]),
         "samples": (1, science["budget"]),
         "maps": (math.prod(science["grid"]), math.prod(science["grid"])),
-    }[name]
+    }.get(name, (0, MAX_ROWS))
     if not least <= rows <= most:
         raise MisfitError(f"it has {rows} rows, the configuration allows {least} to {most}")
     if metadata.num_columns > MAX_COLUMNS:
@@ -523,37 +514,6 @@ def _demand_size(metadata: pq.FileMetaData, name: str, footer: Footer) -> None:
     unpacked = sum(metadata.row_group(i).total_byte_size for i in groups)
     if metadata.num_row_groups > rows or unpacked > metadata.num_columns * (rows * 16 + (1 << 16)):
         raise MisfitError(f"it unpacks to {unpacked} bytes, far more than its rows take")
-
-
-def _canonical(table: pa.Table, name: str) -> pa.Table:
-    """Check the columns of a table, and give each the type that it was written with."""
-    if "run" in table.column_names:
-        raise MisfitError("it holds a column run, which is a partition and no column")
-    for column in COLUMNS[name]:
-        if (count := table.column_names.count(column)) != 1:
-            raise MisfitError(f"it has {count or 'no'} column{'s' * (count > 1)} {column}")
-    columns = {
-        column: _converted(column, table.column(i), COLUMNS[name].get(column))
-        for i, column in enumerate(table.column_names)
-    }
-    if len(columns) < table.num_columns:
-        raise MisfitError("it has two columns of one name")
-    return pa.table(columns)
-
-
-def _converted(name: str, column: pa.ChunkedArray, kind: str | None) -> pa.ChunkedArray:
-    """Give a column the type of its kind, that of its own kind if none is laid down."""
-    found = column.type
-    if pa.types.is_dictionary(found):
-        if any(chunk.dictionary.nbytes > MAX_DOCUMENT for chunk in column.chunks):
-            raise MisfitError(f"its column {name} holds texts of more than {MAX_DOCUMENT} bytes")
-        found = found.value_type
-    for known, wanted, is_known in TYPES:
-        if kind in (None, known) and is_known(found):
-            if column.null_count and name not in GAPS:
-                raise MisfitError(f"its column {name} has {column.null_count} missing values")
-            return column.cast(wanted)
-    raise MisfitError(f"its column {name} holds {found}, not {kind or 'plain values'}")
 
 
 def _listed(results_dir: Path, pattern: str, prefix: str) -> dict[str, list[int]]:

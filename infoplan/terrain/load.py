@@ -19,11 +19,11 @@ from infoplan.config import (
     OwnTerrainConfig,
     RandomFieldConfig,
     TerrainConfig,
-    check_options,
     terrain_kind,
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.files import user_path
+from infoplan.options import check_options
 from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volcano
 from infoplan.terrain.grids import Ends, Floats, Grid
 from infoplan.terrain.random_field import random_field

@@ -18,8 +18,9 @@ import pyarrow.parquet as pq
 import yaml
 from made_tables import PROVENANCE
 
+from infoplan.study.columns import values_digest
 from infoplan.study.identity import run_name
-from infoplan.study.store import sealed, values_digest
+from infoplan.study.store import sealed
 
 SEED = 3
 

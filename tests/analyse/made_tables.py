@@ -15,11 +15,10 @@ from infoplan.config import (
     MissionConfig,
     terrain_kind,
 )
+from infoplan.study.columns import values_digest
 from infoplan.study.identity import run_name
-from infoplan.study.store import sealed, values_digest
-from infoplan.tables import COLUMNS
-
-TYPES = {"text": pa.string(), "integer": pa.int64(), "double": pa.float64(), "boolean": pa.bool_()}
+from infoplan.study.store import sealed
+from infoplan.tables import TABLES
 
 PROVENANCE: dict[str, Any] = {
     "started": "2030-01-02T03:04:05.000+00:00",
@@ -129,8 +128,8 @@ def store(
         n = len(columns["seed"])
         table = pa.table(
             {
-                column: pa.array(columns.get(column, np.zeros(n)), TYPES[kind], safe=False)
-                for column, kind in COLUMNS[name].items()
+                key: pa.array(columns.get(key, np.zeros(n)), column.field.type, safe=False)
+                for key, column in TABLES[name].columns.items()
             }
         )
         footer["values_sha256"] = values_digest(table)

@@ -17,13 +17,14 @@ from made_run import SEED, fly, hills, store, with_options
 from infoplan.analyse.audit import audit, audit_mission
 from infoplan.errors import UsageError
 from infoplan.study import store as stored_tables
+from infoplan.study.columns import values_digest
 from infoplan.study.identity import run_name
-from infoplan.study.store import inspect, sealed, values_digest
-from infoplan.tables import COLUMNS
+from infoplan.study.store import inspect, sealed
+from infoplan.tables import TABLES
 
 CONFIGURATION = with_options(budget=100)
 RUN = run_name(CONFIGURATION)
-EVERY = [(table, column) for table, columns in COLUMNS.items() for column in columns]
+EVERY = [(table, column) for table, laid_down in TABLES.items() for column in laid_down.columns]
 SECONDS = ("plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds")
 
 
@@ -109,12 +110,12 @@ def failing(folder: Path, epochs=None) -> set[str]:
     return {finding.check for finding in findings if not finding.holds}
 
 
-@pytest.mark.parametrize("table", COLUMNS)
+@pytest.mark.parametrize("table", TABLES)
 @pytest.mark.parametrize("change", [halved, negated, without, exchanged])
 def test_a_change_without_its_digest_is_caught(folder, table, change):
     path = table_path(folder, table)
     honest, changed = path.read_bytes(), 0
-    for column in COLUMNS[table]:
+    for column in TABLES[table].columns:
         if forge(folder, table, column, change, redo=False):
             changed += 1
             assert inspect(folder, RUN, SEED).state == "broken"
@@ -160,7 +161,7 @@ NO_FIELD = [
 """What hardly any field can hold."""
 
 
-def rewrite(folder: Path, change, redo: bool, tables=COLUMNS) -> None:
+def rewrite(folder: Path, change, redo: bool, tables=TABLES) -> None:
     """Change the footers of some tables; with their digests, or not."""
     for name in tables:
         path = table_path(folder, name)
@@ -173,10 +174,10 @@ def rewrite(folder: Path, change, redo: bool, tables=COLUMNS) -> None:
 
 @pytest.mark.parametrize("field", OTHER)
 def test_another_footer_is_caught(folder, honest, field):
-    for redo, tables in ((False, ["curves"]), (False, list(COLUMNS)), (True, ["maps"])):
+    for redo, tables in ((False, ["curves"]), (False, list(TABLES)), (True, ["maps"])):
         rewrite(folder, lambda footer: footer | {field: OTHER[field]}, redo, tables)
         assert failing(folder) & {"digests", "files"}
-        for name in COLUMNS:
+        for name in TABLES:
             table_path(folder, name).write_bytes(table_path(honest, name).read_bytes())
     assert failing(folder) == set()
 

@@ -14,13 +14,13 @@ import pytest
 from infoplan.analyse.audit import audit_mission
 from infoplan.config import METHODS
 from infoplan.mission import Mission
+from infoplan.study.columns import values_digest
 from infoplan.study.identity import identify
 from infoplan.study.store import (
     build_tables,
     save_mission,
     sealed,
     table_path,
-    values_digest,
 )
 
 

@@ -15,7 +15,8 @@ from scipy.stats import bootstrap
 from infoplan.analyse.leaderboard import rank
 from infoplan.cli import main
 from infoplan.errors import UsageError
-from infoplan.study.store import sealed, values_digest
+from infoplan.study.columns import values_digest
+from infoplan.study.store import sealed
 
 COLLECTED = [100, 130, 290, 600]
 METHODS = ("uct-none", "uct-copod", "puct-copod")

@@ -14,8 +14,9 @@ from infoplan.cli import main
 from infoplan.command_line import Command
 from infoplan.commands import FIGURES
 from infoplan.commands import infoplan as commands
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, options
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config
 from infoplan.draw.figures import NAMES
+from infoplan.options import walk
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -88,7 +89,7 @@ def test_the_page_of_run_tells_every_option_of_every_choice(capfd):
     schemas += [schema() for schema in TERRAIN_SCHEMAS.values()]
     groups += ["terrain."] * len(TERRAIN_SCHEMAS)
     for schema, group in zip(schemas, groups, strict=True):
-        for name, _, metadata in options(schema, group):
+        for name, _, metadata in walk(schema, group):
             if not name.endswith(".name"):
                 assert f"  {name}=" in page
                 assert metadata["doc"] in text, name

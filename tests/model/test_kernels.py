@@ -206,9 +206,7 @@ def test_an_outlier_is_found_by_its_residual_under_any_kernel():
 
 def test_a_failed_factorisation_names_the_kernels_hyperparameters():
     x, y = samples(20)
-    with pytest.raises(
-        RunError, match=r"amplitude 1e\+200, lengthscale 0\.5, slope 0\.5 and noise"
-    ):
+    with pytest.raises(RunError, match=r"amplitude 1e\+200, lengthscale 0\.5, slope 0\.5 and"):
         GaussianProcess(x, y, kernel=GIBBS, amplitude=1e200).optimize(1)
 
 

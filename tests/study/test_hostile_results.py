@@ -22,6 +22,7 @@ from infoplan.cli import main
 from infoplan.errors import RunError, UsageError
 from infoplan.mission import Mission
 from infoplan.study import store as stored
+from infoplan.study.columns import values_digest
 from infoplan.study.estimate import learn
 from infoplan.study.identity import identify, run_name, stored_terrains
 from infoplan.study.records import MisfitError, read_science
@@ -37,7 +38,6 @@ from infoplan.study.store import (
     save_mission,
     sealed,
     table_path,
-    values_digest,
 )
 
 

@@ -21,7 +21,6 @@ from infoplan.config import CopodConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.study.identity import identify
 from infoplan.study.store import (
-    COLUMNS,
     SCRATCH,
     STALE_SECONDS,
     inspect,
@@ -33,6 +32,7 @@ from infoplan.study.store import (
     save_configuration,
     table_path,
 )
+from infoplan.tables import TABLES
 
 
 @pytest.fixture(scope="module")
@@ -59,10 +59,10 @@ def test_tables_have_the_documented_columns_and_footers(sound):
     for run, seeds in list_missions(folder).items():
         assert seeds == [0, 1]
         written = yaml.safe_load((folder / "runs" / f"{run}.yaml").read_text())
-        for table, columns in COLUMNS.items():
+        for table, laid_down in TABLES.items():
             for seed in seeds:
                 path = table_path(folder, table, run, seed)
-                assert pq.read_schema(path).names == list(columns)
+                assert pq.read_schema(path).names == list(laid_down.columns)
                 footer = read_footer(path)
                 assert footer.configuration == written
                 assert (footer.run, footer.seed) == (run, seed)
@@ -171,7 +171,7 @@ EVERY = (
     spoil_truncated, spoil_empty, spoil_text, spoil_foreign, spoil_rewritten, spoil_flipped_bit,
     spoil_fewer_columns, spoil_other_seed, spoil_other_run, spoil_other_schema,
 )  # fmt: skip
-SPOILT = [(spoil, table) for spoil in EVERY for table in COLUMNS]
+SPOILT = [(spoil, table) for spoil in EVERY for table in TABLES]
 SPOILT += [
     (spoil, table) for spoil in (spoil_missing, spoil_shorter) for table in ("samples", "maps")
 ]
@@ -207,7 +207,7 @@ def test_readers_refuse_a_spoilt_table(spoil, stored):
 
 def test_no_flipped_bit_gives_other_values(stored):
     folder, _, run = stored
-    for table in COLUMNS:
+    for table in TABLES:
         path = table_path(folder, table, run, 1)
         content, honest = path.read_bytes(), read_table(folder, table, run, 1).to_pandas()
         for position in range(0, len(content), 61):
@@ -336,7 +336,7 @@ def run_with_little_room(folder, seeds: int, room: int) -> subprocess.CompletedP
 
 def test_a_full_disk_ends_the_study_and_keeps_what_is_finished(stored):
     folder, config, run = stored
-    sizes = {table: table_path(folder, table, run, 0).stat().st_size for table in COLUMNS}
+    sizes = {table: table_path(folder, table, run, 0).stat().st_size for table in TABLES}
     assert len(curves(folder)) == 4
     # Room for two of the three tables: none may appear.
     done = run_with_little_room(folder, seeds=3, room=sorted(sizes.values())[1] + 500)
@@ -345,7 +345,7 @@ def test_a_full_disk_ends_the_study_and_keeps_what_is_finished(stored):
     assert len(errors) == 1
     assert "could not be written (File too large)" in errors[0]
     assert "what is finished is kept" in errors[0]
-    assert not any(table_path(folder, table, run, 2).exists() for table in COLUMNS)
+    assert not any(table_path(folder, table, run, 2).exists() for table in TABLES)
     assert list((folder / SCRATCH).iterdir()) == []
     again, _ = study(config, folder, seeds=3)
     assert (again.computed, again.kept) == (1, 2)

@@ -89,7 +89,9 @@ def _fit(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floa
     """
     state = mission.curves.iloc[row]
     model = GaussianProcessRegressor(
-        kernel(mission, state), alpha=state["noise_std"] ** 2 + state["jitter"], optimizer=None
+        reference_kernel(mission, state),
+        alpha=state["noise_std"] ** 2 + state["jitter"],
+        optimizer=None,
     )
     x, y = scaled_samples(mission)
     model.fit(x[: len(used)][used], y[: len(used)][used])
@@ -114,7 +116,7 @@ def _fit_student_t(
     start = (surface(mission.x[: len(used)][used][:, ::-1]) - centre) / scale
     mean, std, lml = repeat.student_t(
         x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps),
-        kernel(mission, state), state["noise_std"], float(mission.option("model.dof")),
+        reference_kernel(mission, state), state["noise_std"], float(mission.option("model.dof")),
         state["jitter"], start,
     )  # fmt: skip
     return centre + scale * mean, scale * std, lml
@@ -142,10 +144,11 @@ def scaled_samples(mission: StoredMission) -> tuple[Floats, Floats]:
     ) / scale
 
 
-def kernel(mission: StoredMission, state: "pd.Series[Any]") -> Any:
+def reference_kernel(mission: StoredMission, state: "pd.Series[Any]") -> Any:
     """Kernel with the hyperparameters of a row of the curve, as scikit-learn has it."""
-    own = as_kernel(mission.option("model.kernel")).reference
-    return ConstantKernel(state["amplitude"] ** 2, "fixed") * own(state.to_dict())
+    kernel = as_kernel(mission.option("model.kernel"))
+    own = kernel.reference({name: float(state[name]) for name in names_of(kernel)})
+    return ConstantKernel(state["amplitude"] ** 2, "fixed") * own
 
 
 def noise_factor(mission: StoredMission) -> float:

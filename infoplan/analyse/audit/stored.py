@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from infoplan.errors import RunError
 from infoplan.study.identity import ADDED_LATER
 from infoplan.study.records import Footer, MisfitError, read_science
-from infoplan.study.store import configuration_path, open_table, values_digest
-from infoplan.tables import COLUMNS
+from infoplan.study.store import configuration_path, open_table, present_tables
 
 Floats = NDArray[np.float64]
 
@@ -28,12 +27,6 @@ SIGMAS = 6.0
 
 ROUNDING = 1e-9
 """Relative difference that the order of a few additions may explain."""
-
-OF_THE_MODEL = (
-    "amplitude", "lengthscale_1", "lengthscale_2", "noise_std", "jitter", "lml",
-)  # fmt: skip
-"""Columns of the curve that a model of the user's own need not have."""
-
 
 Epochs = int | list[int] | None
 """Which epochs' models are recomputed: a number, evenly spread, a list, or all."""
@@ -56,15 +49,28 @@ class StoredMission:
     """A stored mission as it was read."""
 
     configuration: dict[str, Any]
-    curves: pd.DataFrame
-    samples: pd.DataFrame
-    maps: pd.DataFrame
+    tables: dict[str, pd.DataFrame]
     footers: dict[str, Footer]
     digests: dict[str, str]
     run: str
     seed: int
     terrains: Mapping[str, NDArray[Any]]
     epochs: Epochs = None
+
+    @property
+    def curves(self) -> pd.DataFrame:
+        """One row a decision epoch."""
+        return self.tables["curves"]
+
+    @property
+    def samples(self) -> pd.DataFrame:
+        """One row a sample."""
+        return self.tables["samples"]
+
+    @property
+    def maps(self) -> pd.DataFrame:
+        """One row a node of the query grid."""
+        return self.tables["maps"]
 
     def option(self, name: str) -> Any:
         """Look an option up by its dotted name."""
@@ -131,21 +137,20 @@ def read_mission(
     terrains: Mapping[str, NDArray[Any]],
     epochs: Epochs = None,
 ) -> StoredMission:
-    """Read the YAML and the three tables of a mission; the values' digest is a check of its own."""
+    """Read the YAML and the tables of a mission; the values' digest is a check of its own."""
     try:
         configuration = read_science(configuration_path(results_dir, run))
     except MisfitError as error:
         raise FaultError(f"runs/{run}.yaml: {error}") from error
     tables, footers, digests = {}, {}, {}
-    for name in COLUMNS:
+    for name in present_tables(results_dir, run, seed):
         try:
-            table, footers[name] = open_table(results_dir, name, run, seed)
+            table, footers[name], digests[name] = open_table(results_dir, name, run, seed)
         except RunError as error:
             raise FaultError(str(error)) from error
-        digests[name] = values_digest(table)
         tables[name] = table.to_pandas()
     return StoredMission(
-        configuration, **tables, footers=footers, digests=digests, run=run, seed=seed,
+        configuration, tables, footers=footers, digests=digests, run=run, seed=seed,
         terrains=terrains, epochs=epochs,
     )  # fmt: skip
 

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from infoplan.analyse.audit.stored import (
-    OF_THE_MODEL,
     ROUNDING,
     FaultError,
     Floats,
@@ -17,7 +16,7 @@ from infoplan.analyse.audit.stored import (
     demand,
 )
 from infoplan.study.store import disagreement
-from infoplan.tables import COLUMNS
+from infoplan.tables import DURATIONS, TABLES, Column
 
 CLOCK_SECONDS, CLOCK_SHARE = 1.0, 0.01
 """What a clock that is set right meanwhile may explain, of a duration by two clocks."""
@@ -40,7 +39,8 @@ def check_digests(mission: StoredMission) -> str | Partial:
 
 def check_times(mission: StoredMission) -> str:
     """Check that the times are possible: none negative, parts within the whole, clocks agreeing."""
-    parts = mission.curves.filter(like="_seconds")
+    durations = [TABLES["curves"].columns[name] for name in DURATIONS]
+    parts = mission.curves[[part.name for part in durations if _is_told(mission.curves, part)]]
     for name in parts:
         values = parts[name].to_numpy()
         demand(
@@ -83,22 +83,34 @@ def check_bounds(mission: StoredMission) -> str:
 
 
 def check_values(mission: StoredMission) -> str:
-    """Check that every number is finite, but for scores that were never given."""
+    """Check that every number is finite, but for scores that were never given, and possible."""
     count = 0
-    for name, columns in COLUMNS.items():
-        table = getattr(mission, name)
-        for column, kind in columns.items():
-            if kind != "double" or column == "score" or column.endswith("_seconds"):
+    for name, table in mission.tables.items():
+        for column in TABLES[name].columns.values():
+            if column.kind not in ("integer", "double") or column.gaps or column.name in DURATIONS:
                 continue
-            if column in OF_THE_MODEL and mission.is_own("model"):
+            if column.told_by and mission.is_own(column.told_by):
                 continue
-            _demand_finite(f"{name}.{column}", table[column].to_numpy())
-            count += len(table)
+            if _is_told(table, column):
+                _demand_possible(f"{name}.{column.name}", table[column.name].to_numpy(), column)
+                count += len(table) * (column.kind == "double")
     return f"{count} numbers are finite"
 
 
-def _demand_finite(name: str, values: Floats) -> None:
+def _is_told(table: pd.DataFrame, column: Column) -> bool:
+    """Tell whether a table has values in a column that an older version has not written."""
+    return not column.may_be_missing or bool(table[column.name].notna().any())
+
+
+def _demand_possible(name: str, values: Floats, column: Column) -> None:
     demand(np.isfinite(values), lambda i: f"{name} is {values[i]} in row {i}")
+    demand(
+        (values >= column.at_least) & (values <= column.at_most),
+        lambda i: (
+            f"{name} is {values[i]:g} in row {i}, where it can only be "
+            f"{column.at_least:g} to {column.at_most:g}"
+        ),
+    )
 
 
 def check_rows(mission: StoredMission) -> str:
@@ -126,8 +138,8 @@ def check_rows(mission: StoredMission) -> str:
         raise FaultError(
             f"{len(epoch)} samples are stored, the last epoch has {counts[-1]}, the budget {budget}"
         )
-    for name in COLUMNS:
-        _demand_constant(f"{name}.seed", getattr(mission, name)["seed"], mission.seed)
+    for name, table in mission.tables.items():
+        _demand_constant(f"{name}.seed", table["seed"], mission.seed)
     return f"{last} epochs after the pilot, {budget} samples"
 
 

@@ -1,0 +1,126 @@
+"""Write down again what follows from the code: options in conf/, columns in docs/results.md.
+
+``make derived`` does it; a test compares. In the YAML files the comment on top, the defaults list
+and the section ``hydra`` are written by hand, in the page all but what is between the marks.
+"""
+
+import sys
+import textwrap
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
+from infoplan.tables import TABLES
+
+ROOT = Path(__file__).parents[1]
+GROUPS: dict[str, dict[str, Any]] = METHODS | {
+    "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()}
+}
+WIDTH = 100
+MARKS = ("<!-- columns: make derived -->", "<!-- end of the columns -->")
+
+
+def derived() -> Iterator[tuple[Path, str]]:
+    """Give each file that follows from the code, and what it must hold."""
+    for group, choices in GROUPS.items():
+        for choice, schema in choices.items():
+            path = ROOT / "conf" / group / f"{choice}.yaml"
+            yield path, _head(path, group, choice, schema) + _options(schema)
+    root = ROOT / "conf" / "config.yaml"
+    head, _, rest = root.read_text(encoding="utf-8").partition("\n\n")
+    _, _, hydra = rest.partition("\nhydra:\n")
+    yield root, f"{head}\n\n{_options(Config())}\nhydra:\n{hydra}"
+    page = ROOT / "docs" / "results.md"
+    before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
+    yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
+
+
+def _head(path: Path, group: str, choice: str, schema: Any) -> str:
+    """Comment and defaults list of a choice, as they are, or of a new one."""
+    if path.exists():
+        return path.read_text(encoding="utf-8").partition("\n\n")[0] + "\n\n"
+    said = str(type(schema).__doc__).splitlines()[0]
+    return f"# {said}\ndefaults:\n  - /infoplan_schema/{group}/{choice}@_here_\n  - _self_\n\n"
+
+
+def _options(schema: Any) -> str:
+    """Options of a schema as YAML: its own first, then those of its group; sections at the end."""
+    base = type(schema).__mro__[-2]
+    of_a_choice = base not in (type(schema), MissionConfig)
+    shared = {item.name for item in fields(base)} if of_a_choice else set()
+    items = [
+        item
+        for item in fields(schema)
+        if not (item.name in GROUPS and is_dataclass(getattr(schema, item.name)))
+    ]
+    items.sort(key=lambda item: (item.name != "name", item.name in shared))
+    sections = [item for item in items if is_dataclass(getattr(schema, item.name))]
+    text = "".join(
+        _option(item.name, getattr(schema, item.name), item.metadata)
+        for item in items
+        if item not in sections
+    )
+    for item in sections:
+        section = getattr(schema, item.name)
+        said = str(type(section).__doc__).splitlines()[0].rstrip(".")
+        text += f"\n{item.name}: # {said}\n" + textwrap.indent(_options(section), "  ")
+    return text
+
+
+def _option(name: str, value: Any, metadata: Any) -> str:
+    """One option, its value and what it is."""
+    line = f"{name}: {_value(value)}".replace(": \n", ":\n")
+    if name == "name":
+        return f"{line}\n"
+    comment = metadata["doc"]
+    if metadata["unit"]:
+        comment += f" ({metadata['unit']})"
+    open_choices = [choice for choice in metadata["choices"] if choice not in comment]
+    if open_choices and open_choices != [value]:
+        *others, last = metadata["choices"]
+        comment += f"; {', '.join(others)} or {last}" if others else f"; or {last}"
+    first, *more = line.split("\n")
+    if len(first) + len(comment) + 3 <= WIDTH:
+        return "\n".join([f"{first} # {comment}", *more]) + "\n"
+    wrapped = textwrap.wrap(comment, WIDTH - 2, initial_indent="# ", subsequent_indent="# ")
+    return "\n".join([*wrapped, line]) + "\n"
+
+
+def _value(value: Any) -> str:
+    """Write a value as YAML; lists in lists one a line."""
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "".join(f"\n  - {_value(entry)}" for entry in value)
+    return (
+        yaml.safe_dump(value, default_flow_style=True, width=WIDTH).removesuffix("\n...\n").strip()
+    )
+
+
+def _columns() -> str:
+    """Write the tables' columns as the tables of a page."""
+    text = ""
+    for name, table in TABLES.items():
+        since = f" (since {table.since}; may be missing)" if table.may_be_missing else ""
+        text += f"\n**{name}**: a row is {table.doc}{since}.\n\n"
+        text += "| column | type | unit | what it holds |\n|---|---|---|---|\n"
+        for column in table.columns.values():
+            doc = f"{column.doc} (since {column.since})" if column.may_be_missing else column.doc
+            text += f"| {column.name} | {column.kind} | {column.unit} | {doc} |\n"
+    return f"{text}\n"
+
+
+def main() -> int:
+    """Write the files that are not as they must be, and name them."""
+    for path, text in derived():
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            print(path.relative_to(ROOT))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
