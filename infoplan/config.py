@@ -308,11 +308,16 @@ class ModelConfig:
     )
 
 
+KERNELS = ("squared_exponential",)
+"""Modules of `infoplan.model.kernels`, each of which holds a kernel."""
+
+
 @dataclass
 class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
+    kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
     noise_variance: float = option(1.0, "start value of the noise variance", above=0, at_most=1e6)
@@ -332,6 +337,7 @@ class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))
+    kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     dof: float = option(
         4.0,
         "degrees of freedom of the noise; the smaller, the less an outlier counts",

@@ -26,6 +26,12 @@ from infoplan.terrain import Terrain
 NUMERICS_VERSION = 1
 """Raised by hand whenever the same configuration and seed give other numbers than before."""
 
+ADDED_LATER = {"model.kernel": "squared_exponential"}
+"""Options of methods that runs of earlier versions have not stored, and what they flew with.
+
+With this value they are not stored today either, so that the run keeps its name.
+"""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -57,7 +63,24 @@ def identify(config: MissionConfig, terrain: Terrain) -> Run:
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
+    _leave_out_later(science)
     return Run(run_name(science), resolved, terrain, science)
+
+
+def _leave_out_later(science: dict[str, Any]) -> None:
+    """Drop options added later from a run's `science` where they have the value from before."""
+    for name, value in ADDED_LATER.items():
+        group, option = name.split(".")
+        if science[group].get(option) == value:
+            del science[group][option]
+
+
+def _with_later(group: str, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a group's stored options with those that were left out."""
+    schema = METHODS[group].get(stored["name"])
+    later = {name.split(".")[1]: value for name, value in ADDED_LATER.items()
+             if name.startswith(f"{group}.") and hasattr(schema, name.split(".")[1])}  # fmt: skip
+    return later | dict(stored)
 
 
 def run_name(science: Mapping[str, Any]) -> str:
@@ -153,7 +176,7 @@ def restored(science: Mapping[str, Any]) -> MissionConfig:
         for item in fields(MissionConfig):
             value = options[item.name] = science[item.name]
             if item.name in METHODS:
-                options[item.name] = method_from_stored(item.name, value)
+                options[item.name] = method_from_stored(item.name, _with_later(item.name, value))
             elif is_dataclass(item.type):
                 schema: Any = item.type
                 if item.name == "terrain":

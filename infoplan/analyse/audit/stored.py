@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.errors import RunError
+from infoplan.study.identity import ADDED_LATER
 from infoplan.study.records import Footer, MisfitError, read_science
 from infoplan.study.store import configuration_path, open_table, present_tables
 
@@ -83,6 +84,8 @@ class StoredMission:
         value: Any = self.configuration
         for key in name.split("."):
             if not isinstance(value, Mapping) or key not in value:
+                if name in ADDED_LATER:
+                    return ADDED_LATER[name]
                 raise FaultError(f"the run's YAML has no {name}")
             value = value[key]
         return value
