@@ -31,10 +31,11 @@ coverage: $(VENV)/.installed-dev ## run the tests and tell which lines they reac
 bench: $(VENV)/.installed-bench ## set up and measure every speed figure (half an hour; ARGS=--quick for a look)
 	$(BIN)/python -m benchmarks.run $(ARGS)
 
-check: $(VENV)/.installed-dev ## set up and run the linter and the type checker
+check: $(VENV)/.installed-dev ## set up and run the linter, the type checker and the check of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 derived: $(VENV)/.installed ## write conf/ and the columns in docs/results.md again, from the code that defines them
 	$(BIN)/python scripts/derive.py

@@ -11,7 +11,7 @@ from benchmarks.measure import Seconds, timed
 from infoplan.config import METHODS, GpConfig, MissionConfig
 from infoplan.mission import explore
 from infoplan.model import GaussianProcess
-from infoplan.model.likelihood import Likelihood
+from infoplan.model.inference.exact import ExactInference
 from infoplan.samples import Samples
 from infoplan.scoring import CurveRow
 from infoplan.simulator import Simulator
@@ -101,24 +101,24 @@ class Replay:
     seconds: Seconds
 
 
-class CountingLikelihood(Likelihood):
-    """A likelihood that counts its evaluations with gradient."""
+class CountingInference(ExactInference):
+    """Counts the evaluations of likelihood and gradient."""
 
     evaluations = 0
 
-    def value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+    def lml_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
         """Count and evaluate."""
         self.evaluations += 1
-        return super().value_and_gradient(theta)
+        return super().lml_and_gradient(theta)
 
 
 def replay(batches: list[Batch], iterations: int, pilot_iterations: int, **model: Any) -> Replay:
     """Teach a model the batches of a mission with some optimiser."""
     result = Replay([], [], Seconds(0.0, 0.0))
-    with patch.object(infoplan.model.gp, "Likelihood", CountingLikelihood):
+    with patch.object(infoplan.model.gp, "ExactInference", CountingInference):
         gp = GaussianProcess(*batches[0], **model)
-    counted = gp._likelihood
-    assert isinstance(counted, CountingLikelihood)
+    counted = gp._inference
+    assert isinstance(counted, CountingInference)
     for epoch, batch in enumerate(batches):
         with timed() as spent:
             if epoch:
@@ -133,6 +133,6 @@ def replay(batches: list[Batch], iterations: int, pilot_iterations: int, **model
 
 
 def _double_precision_likelihood(gp: GaussianProcess) -> float:
-    likelihood = Likelihood(1e-6)
-    likelihood.set_data(gp._likelihood._x, gp._likelihood._y)
-    return likelihood.value(gp._theta)
+    inference = ExactInference(gp._kernel, 1e-6)
+    inference.set_data(gp._inference._x, gp._inference._y)
+    return inference.lml(gp._theta)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -18,7 +19,7 @@ from pypolo.kernels import RBF
 from pypolo.models import GPR
 
 import infoplan.plan.planners
-from infoplan.model import MODELS, Hyperparameters
+from infoplan.model import MODELS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "plan"))
 import reference_search
@@ -52,12 +53,14 @@ class PyPoloModel:
         return self.gpr.num_train
 
     @property
-    def hyperparameters(self) -> Hyperparameters:
+    def hyperparameters(self) -> SimpleNamespace:
         """The present hyperparameters, scaled units."""
         with torch.no_grad():
             variance, noise = float(self.gpr.kernel.amplitude), float(self.gpr.noise)
             first, second = self.gpr.kernel.lengthscale.tolist()
-        return Hyperparameters(variance**0.5, first, second, noise**0.5)
+        return SimpleNamespace(
+            amplitude=variance**0.5, lengthscale_1=first, lengthscale_2=second, noise_std=noise**0.5
+        )
 
     def append(self, x: np.ndarray, y: np.ndarray) -> None:
         """Add data."""

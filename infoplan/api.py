@@ -10,12 +10,14 @@ from infoplan.belief import Belief
 from infoplan.config import Config, MissionConfig, validate
 from infoplan.culprit import culprit_named
 from infoplan.errors import UsageError
+from infoplan.extent import checked_extent
 from infoplan.mission import explore
+from infoplan.mission_cost import check_mission
 from infoplan.samples import Batch, Samples, joined
 from infoplan.scoring import CurveRow, State, assess
 from infoplan.simulator import Simulator
 from infoplan.terrain import Terrain, load_terrain
-from infoplan.terrain.surface import array_digest, checked_extent
+from infoplan.terrain.surface import array_digest
 from infoplan.text_options import as_value
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ def configure(*overrides: str, **options: Any) -> MissionConfig:
     UsageError
         If an option is unknown or has no possible value.
     """
-    from infoplan.hydra_front import compose
+    from infoplan.hydra_front.compose import compose
 
     written = [*overrides, *(f"{name}={as_value(name, value)}" for name, value in options.items())]
     names = [item.name for item in fields(MissionConfig)]
@@ -116,9 +118,6 @@ def fly(config: MissionConfig, seed: int = 0, terrain: Terrain | None = None) ->
 
         terrain = load_terrain(**vars(config.terrain))
         config = resolve(config, terrain)
-    from infoplan.study.limits import check_mission
-
-    check_mission(config)
     rows = []
     for state in explore(config, Simulator(config, terrain, seed), seed):
         rows.append(state.row)
@@ -147,8 +146,6 @@ class Mission:
     """
 
     def __init__(self, config: MissionConfig, terrain: Terrain, seed: int):
-        from infoplan.study.limits import check_mission
-
         check_mission(config)
         self.config = config
         self.terrain = terrain

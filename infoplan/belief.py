@@ -13,12 +13,12 @@ from infoplan.answers import checked_actions, checked_drive, checked_prediction,
 from infoplan.config import MissionConfig
 from infoplan.detect import Evidence
 from infoplan.errors import RunError
+from infoplan.extent import Extent, query_grid
 from infoplan.methods import find, method_label
 from infoplan.plan import Situation, count_flags, smooth
 from infoplan.randomness import generator
 from infoplan.robot import steering_angles, turn_on_the_spot
 from infoplan.samples import Readings, joined
-from infoplan.terrain.surface import Extent, query_grid
 from infoplan.threads import one_thread
 
 Floats = NDArray[np.float64]

@@ -17,6 +17,7 @@ from click.shell_completion import CompletionItem
 from infoplan.command_line import (
     GIVEN,
     Command,
+    Function,
     Group,
     Number,
     Text,
@@ -167,6 +168,17 @@ def infoplan() -> None:
     """Hold the commands."""
 
 
+def study_command(name: str, **attributes: Any) -> Callable[[Function], click.Command]:
+    """Declare a command about stored runs, which any option of a run chooses."""
+
+    def declare(function: Function) -> click.Command:
+        chosen = setting("run", RunName(), "one run, or a list of them, alone")(function)
+        command = infoplan.command(name, cls=Command, more=options_of("FILTERS"), **attributes)
+        return command(RESULTS(chosen))
+
+    return declare
+
+
 @infoplan.command(
     "run", cls=Command, more=options_of("RUN"),
     help="Run one configuration with all its seeds, or with -m every combination of values.",
@@ -189,7 +201,7 @@ def infoplan() -> None:
 @completion_flag(hidden=True)
 def run(overrides: list[str]) -> int:
     """Run a study."""
-    from infoplan.hydra_front import run
+    from infoplan.study_commands import run
 
     # Hydra's page about itself composes nothing, and would stumble over overrides.
     return run(["--hydra-help"] if "--hydra-help" in overrides else overrides)
@@ -203,45 +215,23 @@ def run(overrides: list[str]) -> int:
 @run_setting("which run's samples")
 @RESULTS
 @setting("seeds", Seeds(), "which seeds; all that are done if left out")
-@setting("n_jobs", click.INT, "missions at a time; -1: one a core", default=-1)
-@setting("resume", click.BOOL, "keep what was replayed already", default=True)
 @TRUST
 def replay(
     run: str | None,
     results_dir: Path,
     seeds: Sequence[int] | None,
-    n_jobs: int,
-    resume: bool,
     trust: bool,
     overrides: list[str],
 ) -> int:
     """Replay a run."""
-    from functools import partial
-
-    from infoplan.draw.replay_table import print_replay
-    from infoplan.draw.table_layout import say
-    from infoplan.study.replay import replay_run
-    from infoplan.study.summary import wide_console
+    from infoplan.study_commands import replay
 
     if not isinstance(run, str):
         raise UsageError(
             "infoplan replay takes one stored run: infoplan replay <run> detector=best, where "
             "<run> is its name or hash (infoplan status lists them)"
         )
-    console = wide_console()
-    tell = partial(say, console)
-    done = replay_run(
-        results_dir,
-        run,
-        overrides,
-        seeds=seeds,
-        n_jobs=n_jobs,
-        resume=resume,
-        trust=trust,
-        tell=tell,
-    )
-    print_replay(done, results_dir, console)
-    return EXIT_FAILED if done.failed else EXIT_OK
+    return replay(results_dir, run, seeds, trust, overrides)
 
 
 @infoplan.command(
@@ -260,23 +250,21 @@ def status(
     ctx: click.Context, run: str | None, results_dir: Path, as_json: bool, overrides: list[str]
 ) -> int:
     """Look at a results folder."""
-    from infoplan.study.status import status
+    from infoplan.study_commands import status
 
     study = [word for word in overrides if word not in ("-m", "--multirun")]
     if study and "results_dir" in ctx.meta[GIVEN]:
         study.append(f"results_dir={ctx.meta[GIVEN]['results_dir']}")
-    return status(results_dir, study, run=run, as_json=as_json)
+    return status(results_dir, study, run, as_json)
 
 
-@infoplan.command(
-    "figures", cls=Command, more=options_of("FILTERS"),
+@study_command(
+    "figures",
     help="Draw the paper's figures from stored results.",
     examples=["infoplan figures fig5 fig7 seed=1"],
 )  # fmt: skip
 @setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
          named=False)  # fmt: skip
-@RESULTS
-@setting("run", RunName(), "one run, or a list of them, alone")
 @setting("seed", click.IntRange(min=0), "the mission whose maps are shown", default=0)
 @click.option("--seeds", is_flag=True, help="Fig. 5 shows each seed as a thin line")
 def figures(
@@ -303,13 +291,11 @@ def figures(
     return EXIT_FAILED if any(one.problem for one in drawn) else EXIT_OK
 
 
-@infoplan.command(
-    "claims", cls=Command, more=options_of("FILTERS"),
+@study_command(
+    "claims",
     help="Judge the paper's claims by stored results.",
     examples=["infoplan claims terrain=helens --markdown"],
 )  # fmt: skip
-@RESULTS
-@setting("run", RunName(), "one run, or a list of them, alone")
 @click.option("--json", "as_json", is_flag=True, help="write them for scripts")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
 def claims(
@@ -323,7 +309,7 @@ def claims(
     from infoplan.analyse.claims import judge_claims
     from infoplan.draw.claims_table import as_json as to_json
     from infoplan.draw.claims_table import markdown, print_claims
-    from infoplan.study.summary import wide_console
+    from infoplan.draw.console import wide_console
 
     if as_json and as_markdown:
         raise UsageError("claims are written as --json or as --markdown, not both")
@@ -338,13 +324,11 @@ def claims(
     return EXIT_OK
 
 
-@infoplan.command(
-    "report", cls=Command, more=options_of("FILTERS"),
+@study_command(
+    "report",
     help="Write curves, claims and maps as one HTML page.",
     examples=["infoplan report terrain=volcano"],
 )  # fmt: skip
-@RESULTS
-@setting("run", RunName(), "one run, or a list of them, alone")
 def report(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> int:
     """Write the report."""
     from infoplan.analyse.tables import find_missions
@@ -365,8 +349,8 @@ def report(results_dir: Path, run: str | list[str] | None, filters: dict[str, An
 def show(run: str | None, results_dir: Path) -> int:
     """Show a run."""
     from infoplan.analyse.tables import find_missions
+    from infoplan.draw.console import wide_console
     from infoplan.draw.show import show
-    from infoplan.study.summary import wide_console
 
     show(find_missions(results_dir, run=run), wide_console())
     return EXIT_OK
@@ -390,9 +374,9 @@ def leaderboard(
 ) -> int:
     """Rank the methods."""
     from infoplan.analyse.leaderboard import rank
+    from infoplan.draw.console import wide_console
     from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
     from infoplan.study.run_names import find_run
-    from infoplan.study.summary import wide_console
 
     if as_markdown and as_html:
         raise UsageError("the leaderboard is written as --markdown or as --html, not both")
@@ -429,9 +413,10 @@ def audit(
     terrain_member: str | None,
 ) -> int:
     """Audit runs."""
-    from infoplan.analyse.audit import audit, print_findings
-    from infoplan.study.identity import stored_terrains
-    from infoplan.study.summary import wide_console
+    from infoplan.analyse.audit import audit
+    from infoplan.draw.console import wide_console
+    from infoplan.draw.findings_table import print_findings
+    from infoplan.study.stored_terrains import stored_terrains
 
     path = None if terrain_path is None else str(terrain_path)
     maps = stored_terrains(results_dir, path, terrain_member)
@@ -466,7 +451,7 @@ def animate(
 ) -> int:
     """Animate a mission."""
     from infoplan.draw.animate import animate
-    from infoplan.study.summary import wide_console
+    from infoplan.draw.console import wide_console
 
     path = animate(
         results_dir, wide_console(), run=run, seed=seed, file_format=format, fps=fps, trust=trust,
@@ -503,10 +488,10 @@ def list_terrains() -> int:
 def show_terrain(results_dir: Path, overrides: list[str]) -> int:
     """Show a map."""
     from infoplan.draw.terrain_map import describe, draw_terrain
-    from infoplan.hydra_front import compose_terrain
+    from infoplan.hydra_front.compose import compose
     from infoplan.terrain import load_terrain
 
-    options = vars(compose_terrain(overrides))
+    options = vars(compose(overrides).terrain)
     if "on_missing" in options:
         options["on_missing"] = "error"
     with warnings.catch_warnings(record=True) as caught:

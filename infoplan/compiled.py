@@ -24,9 +24,15 @@ from infoplan.caches import kernel_note, kernel_places
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_PACKAGE = Path(__file__).parent
+
 SOURCES = (
     "compiled.py",
+    "model/covariance.py",
+    "model/exponential.py",
     "model/kernel.py",
+    *sorted(f"model/kernels/{file.name}" for file in (_PACKAGE / "model/kernels").glob("*.py")),
+    "model/packed.py",
     "plan/pareto.py",
     "plan/reward_maps.py",
     "plan/tree_search.py",
@@ -55,8 +61,10 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         compiled = numba.njit(**options)(function)
-        if hasattr(compiled, "py_func") and (digest := _digest()):  # else not to be compiled
-            compiled._cache = _Kept(function, digest)
+        is_compiled = hasattr(compiled, "py_func")  # not where Numba is switched off
+        names = _names(function)
+        if is_compiled and names and (digest := _digest()):
+            compiled._cache = _Kept(names, digest)
         return compiled
 
     return decorate
@@ -69,8 +77,8 @@ class _Kept(NullCache):
     not: the function is compiled then.
     """
 
-    def __init__(self, function: Callable[..., Any], digest: str) -> None:
-        self._name, self._digest = f"{function.__module__}.{function.__qualname__}", digest
+    def __init__(self, names: list[str], digest: str) -> None:
+        self._names, self._digest = names, digest
 
     @property
     def cache_path(self) -> str | None:
@@ -109,8 +117,25 @@ class _Kept(NullCache):
                 written.unlink(missing_ok=True)
 
     def _file_name(self, signature: Any, codegen: Any) -> str:
-        key = repr((signature, codegen.magic_tuple()))
-        return f"{self._name}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.bin"
+        key = repr((signature, codegen.magic_tuple(), self._names[1:]))
+        return f"{self._names[0]}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.bin"
+
+
+def _names(function: Callable[..., Any]) -> list[str]:
+    """Name a function, then the values that it closes over; empty if they are not to be known.
+
+    Of compiled functions those of other packages: an edit of theirs would go unnoticed.
+    """
+    names = [f"{function.__module__}.{function.__qualname__}"]
+    for cell in function.__closure__ or ():
+        inner = getattr(cell.cell_contents, "py_func", None)
+        if inner is None:
+            names.append(repr(cell.cell_contents))
+        elif inner.__module__.partition(".")[0] == __name__.partition(".")[0]:
+            names += _names(inner)
+        else:
+            return []
+    return names
 
 
 @cache
@@ -128,7 +153,7 @@ def _digest() -> str | None:
     digest.update(repr(versions).encode())
     for source in SOURCES:
         try:
-            content = (Path(__file__).parent / source).read_bytes()
+            content = (_PACKAGE / source).read_bytes()
         except OSError:
             return None
         digest.update(hashlib.sha256(content).digest())

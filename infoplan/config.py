@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
+from infoplan.extent import checked_extent
 from infoplan.options import check_options, option, plain_number
 
 
@@ -307,11 +308,16 @@ class ModelConfig:
     )
 
 
+KERNELS = ("squared_exponential",)
+"""Modules of `infoplan.model.kernels`, each of which holds a kernel."""
+
+
 @dataclass
 class GpConfig(ModelConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
+    kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
     noise_variance: float = option(1.0, "start value of the noise variance", above=0, at_most=1e6)
@@ -331,6 +337,7 @@ class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))
+    kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     dof: float = option(
         4.0,
         "degrees of freedom of the noise; the smaller, the less an outlier counts",
@@ -383,6 +390,21 @@ METHODS: dict[str, dict[str, Any]] = {
     "model": {"gp": GpConfig(), "student_t": StudentTConfig(), "own": OwnModelConfig()},
 }
 """The options of every planner, detector and model, with their defaults."""
+
+GROUPS: dict[str, dict[str, Any]] = {
+    **METHODS,
+    "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()},
+}
+"""Schema of every choice of every group, with its defaults; each YAML file repeats one."""
+
+REPLAY_GROUPS = ("detector", "model")
+"""Groups that a replay may choose anew."""
+
+REPLAY_OPTIONS = ("planner.smoothing",)
+"""Further options that change what is told of a mission, and not its trajectory."""
+
+REPLAY_HOW = ("n_jobs", "backend", "mission_timeout", "on_error", "resume")
+"""Options that say how a replay is run."""
 
 
 @dataclass
@@ -548,10 +570,6 @@ class Config(MissionConfig):
     )
 
 
-FARTHEST = 1e12
-"""Largest coordinate of a workspace: beyond it, steps of a robot are lost in rounding."""
-
-
 def validate(config: MissionConfig) -> None:
     """Check every bound, and the relations between options.
 
@@ -561,17 +579,7 @@ def validate(config: MissionConfig) -> None:
         Names the first option that is wrong and what it may be.
     """
     check_options(config)
-    xmin, xmax, ymin, ymax = config.terrain.extent
-    if max(map(abs, config.terrain.extent)) > FARTHEST:
-        raise UsageError(
-            f"terrain.extent={config.terrain.extent} is too large: no bound may be beyond "
-            f"{FARTHEST:g} workspace units"
-        )
-    if not (xmin < xmax and ymin < ymax):
-        raise UsageError(
-            f"terrain.extent={config.terrain.extent} is empty: it is [xmin,xmax,ymin,ymax] "
-            "with xmin < xmax and ymin < ymax"
-        )
+    xmin, xmax, ymin, ymax = checked_extent(config.terrain.extent)
     action = config.robot.speed * config.robot.samples_per_action
     if min(xmax - xmin, ymax - ymin) < 2 * action:
         # Half a side must hold an action, or the car could be stuck whatever its heading.

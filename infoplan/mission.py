@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from infoplan.belief import Belief
 from infoplan.config import MissionConfig
 from infoplan.culprit import culprit_named
+from infoplan.mission_cost import check_mission
 from infoplan.samples import joined
 from infoplan.scoring import State, assess
 from infoplan.source import Source
@@ -25,10 +26,12 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
     Raises
     ------
     UsageError
-        If a planner, detector or model of the user's own cannot be had.
+        If a planner, detector or model of the user's own cannot be had, or the mission needs more
+        memory than the machine has.
     RunError
         If a planner, detector or model fails, or gives what it should not.
     """
+    check_mission(config)
     with culprit_named(config, "on the pilot samples"):
         collected = source.pilot()  # line 1
         belief = Belief(config, source.extent, seed, collected.readings())  # lines 2, 3 and 5

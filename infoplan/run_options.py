@@ -11,16 +11,17 @@ import yaml
 from click.shell_completion import CompletionItem
 
 from infoplan.command_line import More, Setting, path_items, written
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
+from infoplan.config import (
+    GROUPS,
+    REPLAY_GROUPS,
+    REPLAY_HOW,
+    REPLAY_OPTIONS,
+    Config,
+    MissionConfig,
+)
 from infoplan.errors import UsageError
 from infoplan.options import allowed, walk
 from infoplan.text_options import decimal, typed_text
-
-GROUPS: dict[str, dict[str, Any]] = {
-    **METHODS,
-    "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()},
-}
-"""The options of every choice of every group, with their defaults."""
 
 OF_OWN = re.compile(r"(planner|detector|model|terrain)\.(options|params)\.\w")
 """Options of a user's own function, or of one of PyOD's classes: of these there is no list."""
@@ -190,9 +191,8 @@ def leaderboard_settings(given: Mapping[str, Any]) -> list[Setting]:
 
 def replay_settings(given: Mapping[str, Any]) -> list[Setting]:
     """Declare what a replay may change."""
-    open_groups = ("detector", "model")
-    settings = group_settings(open_groups)
-    for group in open_groups:
+    settings = group_settings(REPLAY_GROUPS)
+    for group in REPLAY_GROUPS:
         known: dict[str, Setting] = {}
         listed = [given[group]] if given.get(group) in GROUPS[group] else [*GROUPS[group]]
         for choice in listed:
@@ -200,14 +200,15 @@ def replay_settings(given: Mapping[str, Any]) -> list[Setting]:
                 known.setdefault(setting.word, setting)
         settings += known.values()
     smoothing = of_choice("planner", "puct")
-    return settings + [setting for setting in smoothing if setting.word == "planner.smoothing"]
+    settings += [setting for setting in smoothing if setting.word in REPLAY_OPTIONS]
+    return settings + [setting for setting in root_settings() if setting.word in REPLAY_HOW]
 
 
 def hydra_words(incomplete: str) -> list[str]:
     """Complete Hydra's own options: ``hydra/launcher=`` and the like."""
     if not incomplete.startswith("hydra"):
         return []
-    from infoplan.hydra_front import complete
+    from infoplan.hydra_front.front import complete
 
     return complete(incomplete)
 
@@ -261,11 +262,14 @@ def write_replay_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) 
     """Write what a replay may change."""
     current = chosen(given)
     with formatter.section("Choices; without them the run's own stay"):
-        for group in ("detector", "model"):
+        for group in REPLAY_GROUPS:
             _write_choice(formatter, group, [*GROUPS[group]])
-    settings = {s.word: s for s in replay_settings({}) if s.word == "planner.smoothing"}
-    _write_settings(formatter, "Open to a replay, too", settings.values())
-    for group in ("detector", "model"):
+    settings = replay_settings({})
+    smoothing = [setting for setting in settings if setting.word in REPLAY_OPTIONS]
+    _write_settings(formatter, "Open to a replay, too", smoothing)
+    how = [setting for setting in settings if setting.word in REPLAY_HOW]
+    _write_settings(formatter, "How it is run", how)
+    for group in REPLAY_GROUPS:
         write_group(formatter, group, current[group], given)
 
 

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.config import MissionConfig
+from infoplan.extent import query_grid
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path
 from infoplan.samples import Batch
 from infoplan.sensing import add_spikes
 from infoplan.terrain import Terrain
-from infoplan.terrain.surface import query_grid
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.extent import Extent
 from infoplan.samples import Batch, Samples
-from infoplan.terrain.surface import Extent
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config
+from infoplan.config import GROUPS, Config
 from infoplan.errors import UsageError
 from infoplan.options import plain_number, walk
 
@@ -165,8 +165,7 @@ def decimal(value: float) -> float:
 @cache
 def _types() -> dict[str, set[Any]]:
     """Types that each option has: those of one name may differ between the choices of a group."""
-    groups = {**METHODS, "terrain": {name: make() for name, make in TERRAIN_SCHEMAS.items()}}
-    schemas = [(f"{group}.", one) for group, made in groups.items() for one in made.values()]
+    schemas = [(f"{group}.", one) for group, made in GROUPS.items() for one in made.values()]
     found: dict[str, set[Any]] = {}
     for prefix, schema in [("", Config()), *schemas]:
         for name, _, metadata in walk(schema, prefix):

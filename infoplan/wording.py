@@ -53,6 +53,11 @@ def figure(value: float) -> str:
     return f"{value:.{decimals}f}"
 
 
+def rough(number: float) -> str:
+    """Write a count, from a million on with three significant digits."""
+    return f"{number:.0f}" if number < 1e6 else figure(number)
+
+
 def interval(mean: float, low: float, high: float) -> str:
     """Write a mean with its interval, all with the decimals that the mean deserves.
 

@@ -79,7 +79,8 @@ def _option(name: str, value: Any, metadata: Any) -> str:
     comment = metadata["doc"]
     if metadata["unit"]:
         comment += f" ({metadata['unit']})"
-    if not all(choice in comment for choice in metadata["choices"]):
+    has_choice = metadata["choices"] != (value,)
+    if has_choice and not all(choice in comment for choice in metadata["choices"]):
         *others, last = metadata["choices"]
         comment += f"; {', '.join(others)} or {last}" if others else f"; or {last}"
     first, *more = line.split("\n")

@@ -16,7 +16,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 import infoplan
 from infoplan import config as config_module
 from infoplan.cli import main
-from infoplan.hydra_front import SCHEMAS
+from infoplan.config import GROUPS
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 SHORT = [option for option in SMALL if not option.startswith(("seeds", "n_jobs"))]
@@ -303,7 +303,7 @@ def test_a_type_checker_knows_the_schemas_of_all_choices():
         for node in ast.walk(tree)
         if isinstance(node, ast.ClassDef)
     }
-    for group, choices in SCHEMAS.items():
+    for group, choices in GROUPS.items():
         known, more = set(), {f"Any{group.capitalize()}"}
         while more:
             known |= more

@@ -28,6 +28,34 @@ tree = search(
 print(*tree.pose[1], sum(_grow.stats.cache_hits.values()))
 """
 
+KERNEL = """
+import numpy as np
+from infoplan.model.covariance import passes_of
+from infoplan.model.kernels import as_kernel
+
+for name in ("squared_exponential", "wider"):
+    passes = passes_of(as_kernel(name))
+    out = np.empty((1, 1))
+    passes.fill_cross(np.zeros((2, 1)), np.ones((2, 1)), (0.25, 0.25), 1.0, out)
+    print(out[0, 0], sum(passes.fill_cross.stats.cache_hits.values()))
+"""
+
+FOREIGN = """
+import numba, numpy as np
+from dataclasses import replace
+from infoplan.model.covariance import passes_of
+from infoplan.model.kernels import as_kernel
+
+@numba.njit
+def constant(constants, a1, a2, b1, b2):
+    return VALUE
+
+passes = passes_of(replace(as_kernel("squared_exponential"), correlation=constant))
+out = np.empty((1, 1))
+passes.fill_cross(np.zeros((2, 1)), np.ones((2, 1)), (0.25, 0.25), 1.0, out)
+print(out[0, 0], sum(passes.fill_cross.stats.cache_hits.values()))
+"""
+
 WRAP = """
 from infoplan.robot import wrap
 print(wrap(7.0), sum(wrap.stats.cache_hits.values()))
@@ -74,6 +102,22 @@ def test_a_search_drives_the_car_of_the_present_source(site):
     # Another car, in another file than the search: twice as fast.
     edit(site / "infoplan/robot.py", "x + speed * math.cos", "x + 2 * speed * math.cos")
     assert python(site, SEARCH) == [56.0, 50.0, 0.0, 0]
+
+
+def test_each_kernel_has_passes_of_its_own(site):
+    folder = site / "infoplan/model/kernels"
+    shutil.copy(folder / "squared_exponential.py", folder / "wider.py")
+    edit(folder / "wider.py", "exponential(-(rates[0]", "exponential(-0.5 * (rates[0]")
+    expected = [pytest.approx(np.exp(-0.5)), 0, pytest.approx(np.exp(-0.25)), 0]
+    assert python(site, KERNEL) == expected
+    assert python(site, KERNEL) == [expected[0], 1, expected[2], 1]  # from the cache
+    edit(folder / "wider.py", "exponential(-0.5 *", "exponential(-2.0 *")
+    assert python(site, KERNEL) == [expected[0], 0, pytest.approx(np.exp(-1.0)), 0]
+
+
+def test_a_kernel_from_outside_is_never_that_of_an_earlier_process(site):
+    for value in (0.25, 0.5):
+        assert python(site, FOREIGN.replace("VALUE", str(value))) == [value, 0]
 
 
 @pytest.mark.parametrize("damage", [b"", b"\x00" * 40, None])

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from infoplan.config import METHODS, Config, MissionConfig
-from infoplan.hydra_front import SCHEMAS
+from infoplan.config import GROUPS, METHODS, Config, MissionConfig
 from infoplan.methods import find
 from infoplan.options import walk
 
@@ -25,25 +24,25 @@ def read(*path: str) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("group", "choice"), [(group, choice) for group in SCHEMAS for choice in SCHEMAS[group]]
+    ("group", "choice"), [(group, choice) for group in GROUPS for choice in GROUPS[group]]
 )
 def test_each_choice_equals_its_dataclass(group, choice):
     written = read(group, f"{choice}.yaml")
     del written["defaults"]
-    assert written == asdict(SCHEMAS[group][choice])
+    assert written == asdict(GROUPS[group][choice])
 
 
-@pytest.mark.parametrize("group", SCHEMAS)
+@pytest.mark.parametrize("group", GROUPS)
 def test_each_group_has_a_file_for_each_choice_and_no_other(group):
     found = {entry.name for entry in CONF.joinpath(group).iterdir() if entry.name[0] not in "._"}
-    assert found == {f"{choice}.yaml" for choice in SCHEMAS[group]}
+    assert found == {f"{choice}.yaml" for choice in GROUPS[group]}
 
 
 def test_the_root_equals_its_dataclass():
     written = read("config.yaml")
     del written["defaults"], written["hydra"]
     expected = asdict(Config())
-    for group in SCHEMAS:
+    for group in GROUPS:
         del expected[group]
     assert written == expected
 
@@ -57,7 +56,7 @@ def test_every_option_says_what_it_is():
 def test_what_is_derived_is_as_the_code_says():
     """Comments of the YAML files and the page's columns, too: make derived writes them."""
     files = dict(runpy.run_path(str(SCRIPT))["derived"]())
-    assert len(files) == 2 + sum(map(len, SCHEMAS.values()))
+    assert len(files) == 2 + sum(map(len, GROUPS.values()))
     for path, text in files.items():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: make derived"
 

@@ -6,7 +6,7 @@ import shlex
 import pytest
 from command import SMALL, infoplan
 
-from infoplan.hydra_front import Score, best_trial
+from infoplan.hydra_front.trials import Score, best_trial
 
 SEARCH = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=3", "hydra.sweeper.n_jobs=1"]
 

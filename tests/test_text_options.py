@@ -9,9 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import infoplan
-from infoplan import hydra_front
 from infoplan.cli import main
 from infoplan.errors import UsageError
+from infoplan.hydra_front.compose import as_meant, compose
+from infoplan.hydra_front.front import compose_and
+from infoplan.hydra_front.overrides import readable
 from infoplan.text_options import (
     as_override,
     as_value,
@@ -39,14 +41,14 @@ def composed(*arguments: str) -> list[infoplan.MissionConfig]:
         seen.extend(configs)
         return 0, [0.0] * len(configs)
 
-    assert hydra_front.compose_and(act, list(arguments)) == 0
+    assert compose_and(act, list(arguments)) == 0
     return seen
 
 
 @pytest.mark.parametrize("text", AWKWARD)
 def test_text_is_taken_as_typed(text):
     given = as_value("terrain.array", text)  # what `configure` writes
-    config = hydra_front.compose(
+    config = compose(
         ["terrain=file", f"results_dir={text}", f"terrain.path={text}", f"terrain.array={given}"]
     )
     assert (config.results_dir, config.terrain.path, config.terrain.array) == (text, text, text)
@@ -73,8 +75,8 @@ def test_quotes_around_the_whole_and_null():
         ("'${x}'", "${x}"),
     ]:
         assert typed_text("terrain.path", word) == text
-    assert hydra_front.compose(["terrain=file", "terrain.path=null"]).terrain.path is None
-    assert hydra_front.compose(["results_dir=null"]).results_dir == "null"
+    assert compose(["terrain=file", "terrain.path=null"]).terrain.path is None
+    assert compose(["results_dir=null"]).results_dir == "null"
     path = Path("a, b") / "it's=here.npy"
     config = infoplan.configure("terrain=file", **{"terrain.path": path, "terrain.unit": None})
     assert (config.terrain.path, config.terrain.unit) == (str(path), None)
@@ -144,8 +146,8 @@ def test_what_is_suggested_for_text_means_that_text(text):
     assert typed_text(name, value) == text
     assert typed_texts(name, value) == [text]
     # As Hydra itself has it after that.
-    ((again),) = hydra_front.readable([word], several=True)
-    assert hydra_front.readable([again], several=True) == [again]
+    ((again),) = readable([word], several=True)
+    assert readable([again], several=True) == [again]
 
 
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -155,11 +157,11 @@ def test_what_is_suggested_composes_to_that_very_value(path, amount, extent, par
     wanted = {"terrain.path": path, "rho": amount, "terrain.extent": extent,
               "detector.params": params}  # fmt: skip
     line = " ".join(as_override(name, value) for name, value in wanted.items())
-    config = hydra_front.compose(["terrain=file", "detector=pyod", *shlex.split(line)])
+    config = compose(["terrain=file", "detector=pyod", *shlex.split(line)])
     assert config.terrain.path == path
     assert config.rho == decimal(amount)
     assert config.terrain.extent == [decimal(entry) for entry in extent]
-    assert config.detector.params == hydra_front._as_meant(params)
+    assert config.detector.params == as_meant(params)
 
 
 def test_the_rounding_of_steps_makes_no_other_number():
@@ -172,7 +174,7 @@ def test_the_rounding_of_steps_makes_no_other_number():
     assert infoplan.configure("rho=-0.0").rho.hex() == "0x0.0p+0"
     angle = 0.2617993877991494
     assert infoplan.configure(**{"robot.max_steering": angle}).robot.max_steering == angle
-    kept = hydra_front.compose(["detector=pyod", "detector.params={a: 0.30000000000000004}"])
+    kept = compose(["detector=pyod", "detector.params={a: 0.30000000000000004}"])
     assert kept.detector.params == {"a": 0.3}
 
 

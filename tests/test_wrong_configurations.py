@@ -97,7 +97,7 @@ def test_ones_own_experiment_is_found(tmp_path, capfd):
         ("budget=9223372036854775808", "is too large"),
         ("seeds=[9223372036854775808]", "is too large"),
         ("n_jobs=2147483648", "at most 10000"),
-        ("terrain.extent=[0,1e308,0,1e308]", "no bound may be beyond 1e+12"),
+        ("terrain.extent=[0,1e308,0,1e308]", "is no workspace: its sides"),
         ("model.amplitude=1e308", "at most 1e+06"),
         ("planner.exploration=inf", "must be finite"),
         ("detector.params.=3", "cannot be read"),
@@ -111,3 +111,14 @@ def test_a_wrong_command_line_is_one_sentence(line, words, capfd, monkeypatch):
 
 def test_a_value_nested_without_end_is_one_sentence(capfd):
     assert "cannot be read" in said(["grid=" + "[" * 2000 + "]" * 2000], capfd)
+
+
+@pytest.mark.parametrize(
+    "extent", ["[0,1e308,0,1e308]", "[0,1e10,0,1e10]", "[50,0,0,50]", "[0,50,0,0]", "[0,1,0,1e9]"]
+)
+def test_an_extent_is_refused_in_one_sentence_by_every_command(extent, capfd):
+    words = ["terrain=volcano", f"terrain.extent={extent}"]
+    refused = said(words, capfd)
+    assert "is no workspace" in refused
+    assert main(["terrain", "show", *words]) == 2
+    assert capfd.readouterr().err == refused

@@ -22,13 +22,13 @@ from infoplan.analyse.tables import find_missions, flatten
 from infoplan.config import MissionConfig, validate
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
+from infoplan.extent import checked_extent
 from infoplan.method_identity import Look, looks, method_of
 from infoplan.plan import count_flags, smooth
 from infoplan.scoring import CurveRow, Maps, State
-from infoplan.study.replay import as_samples, explore_again, stand_in
+from infoplan.study.replayed import as_samples, explore_again, stand_in
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
-from infoplan.terrain.surface import checked_extent
 from infoplan.trust import admit
 from infoplan.wording import figure
 

@@ -11,7 +11,8 @@ from rich.text import Text
 
 from infoplan.analyse.judging import Claim, Comparison, Stated
 from infoplan.analyse.tables import Selection
-from infoplan.draw.table_layout import Cell, Column, print_table, say, say_command
+from infoplan.draw.console import say, say_command
+from infoplan.draw.table_layout import Cell, Column, print_table
 from infoplan.wording import counted, figure, harmless, interval, markdown_cell
 
 FEW = 5

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
-from infoplan.draw.table_layout import Column, print_table, say
+from infoplan.draw.console import say
+from infoplan.draw.table_layout import Column, print_table
 from infoplan.errors import RunError
 from infoplan.wording import counted, harmless, markdown_cell
 

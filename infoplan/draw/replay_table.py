@@ -1,7 +1,5 @@
 """What a replay found: the run that was flown, its replay, and their difference paired by seed."""
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -9,31 +7,38 @@ from rich.console import Console
 from infoplan.analyse.curves import on_common_axis, summarise
 from infoplan.analyse.statistics import bootstrap_mean
 from infoplan.analyse.tables import load_curves
-from infoplan.draw.table_layout import WHOLE, Column, print_table, say
-from infoplan.study.replay import Replay
+from infoplan.draw.console import say
+from infoplan.draw.table_layout import WHOLE, Column, print_table
+from infoplan.study.study import Study
 from infoplan.wording import counted, interval
 
 
-def print_replay(done: Replay, results_dir: Path, console: Console) -> None:
+def print_replay(study: Study, console: Console) -> None:
     """Print what was replayed, and how it compares with what was flown."""
-    if done.seeds:
-        _print_table(done, results_dir, console)
-    say(console, f"flown:    {done.source.name}")
-    say(console, f"replayed: {done.run.name}")
-    counts = f"{counted(done.computed, 'mission')} replayed, {len(done.seeds) - done.computed} kept"
-    if done.failed:
-        counts += f", {done.failed} failed"
-    say(console, f"{counts} in {done.seconds:.1f} s; tables: {results_dir}/curves, samples, maps")
+    run, _ = study.runs[0]
+    seeds = sorted(seed for _, seed in study.done)
+    if seeds:
+        _print_table(study, seeds, console)
+    say(console, f"flown:    {study.flown}")
+    say(console, f"replayed: {run.name}")
+    counts = f"{counted(study.computed, 'mission')} replayed, {study.kept} kept"
+    counts += f", {len(study.failed)} failed" if study.failed else ""
+    counts += f", {study.unstarted} not started (on_error=stop)" if study.unstarted else ""
+    say(
+        console,
+        f"{counts} in {study.seconds:.1f} s; tables: {study.results_dir}/curves, samples, maps",
+    )
 
 
-def _print_table(done: Replay, results_dir: Path, console: Console) -> None:
+def _print_table(study: Study, seeds: list[int], console: Console) -> None:
     """Print RMSE along the budget and the detectors' counts of a run and its replay."""
-    budget, unit = done.run.config.budget, done.run.terrain.unit
+    run, _ = study.runs[0]
+    budget, unit = run.config.budget, run.terrain.unit
     quarters = [round(budget * share) for share in (0.25, 0.5, 0.75, 1.0)]
-    milestones = [samples for samples in quarters if samples >= done.run.config.pilot.samples]
+    milestones = [samples for samples in quarters if samples >= run.config.pilot.samples]
     curves = {
-        name: load_curves(results_dir, run=name, seed=done.seeds, terrain=done.run.terrain.name)
-        for name in (done.source.name, done.run.name)
+        name: load_curves(study.results_dir, run=name, seed=seeds, terrain=run.terrain.name)
+        for name in (study.flown, run.name)
     }
     errors = [on_common_axis(table, milestones).to_numpy().T for table in curves.values()]
     columns = [Column("", least=WHOLE)]

@@ -5,13 +5,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
+from importlib.metadata import version
 from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
 
-from infoplan import __version__
 from infoplan.analyse.claims import METHODS, WORDS, judge_claims
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
@@ -38,6 +38,7 @@ from infoplan.draw.report_data import (
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import looks
+from infoplan.study.records import Footer
 from infoplan.wording import counted, figure, harmless
 
 PAGE = Path(__file__).with_name("report_page.html")
@@ -123,7 +124,7 @@ def _rendered(selection: Selection) -> str:
         "quality": quality | {"first": _first(quality["panels"], {"title": first})},
         "map": places | {"first": _first(places["runs"], {"panel": first, "method": METHODS[-1]})},
     }
-    days = sorted({footer["ended"][:10] for footer in footers})
+    days = sorted({footer.ended[:10] for footer in footers})
     parts = {
         "title": _html(claims_table.heading(selection)),
         "subtitle": _html(f"{counted(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"),
@@ -137,7 +138,7 @@ def _rendered(selection: Selection) -> str:
         "data": _embedded(data),
         "style": PAGE.with_suffix(".css").read_text(encoding="utf-8"),
         "script": PAGE.with_suffix(".js").read_text(encoding="utf-8"),
-        "version": _html(__version__),
+        "version": _html(version("infoplan")),
     }
     return Template(PAGE.read_text(encoding="utf-8")).substitute(parts)
 
@@ -446,8 +447,8 @@ def _places(places: dict[str, Any], selection: Selection) -> str:
     )
 
 
-def _runs(selection: Selection, findings: Findings, footers: Sequence[dict[str, Any]]) -> str:
-    hours, minutes = divmod(round(sum(footer["seconds"] for footer in footers) / 60), 60)
+def _runs(selection: Selection, findings: Findings, footers: Sequence[Footer]) -> str:
+    hours, minutes = divmod(round(sum(footer.seconds for footer in footers) / 60), 60)
     differ = differing(selection.options)
     rows = [
         [
@@ -469,7 +470,7 @@ def _runs(selection: Selection, findings: Findings, footers: Sequence[dict[str, 
     )
 
 
-def _provenance(selection: Selection, footers: Sequence[dict[str, Any]]) -> str:
+def _provenance(selection: Selection, footers: Sequence[Footer]) -> str:
     entries = []
     for name, values in provenance_facts(footers).items():
         lines = [

@@ -23,6 +23,7 @@ from infoplan.analyse.tables import Selection, load_curves, load_samples
 from infoplan.backend import load_matplotlib
 from infoplan.draw.fig5 import PANELS
 from infoplan.method_identity import NEVER_ERRS, looks
+from infoplan.study.records import Footer
 from infoplan.study.store import read_footer, read_table, table_path
 
 Floats = NDArray[np.float64]
@@ -338,24 +339,24 @@ def run_records(selection: Selection, findings: Findings) -> list[dict[str, Any]
                 "rho": float(first["rho"]),
                 "scope": first["scope"],
                 "seeds": selection.seeds(str(run)),
-                "started": min(footer["started"] for footer in footers),
-                "ended": max(footer["ended"] for footer in footers),
-                "seconds": float(np.median([footer["seconds"] for footer in footers])),
+                "started": min(footer.started for footer in footers),
+                "ended": max(footer.ended for footer in footers),
+                "seconds": float(np.median([footer.seconds for footer in footers])),
                 "final": findings.interval(str(run), "final"),
             }
         )
     return records
 
 
-def read_footers(selection: Selection) -> list[dict[str, Any]]:
+def read_footers(selection: Selection) -> list[Footer]:
     """Read the provenance of each mission."""
     return [
-        vars(read_footer(table_path(selection.results_dir, "curves", str(run), int(seed))))
+        read_footer(table_path(selection.results_dir, "curves", str(run), int(seed)))
         for run, seed in selection.missions[["run", "seed"]].itertuples(index=False)
     ]
 
 
-def provenance_facts(footers: Sequence[dict[str, Any]]) -> dict[str, Counter[str]]:
+def provenance_facts(footers: Sequence[Footer]) -> dict[str, Counter[str]]:
     """Count, for each fact about the tables' making, how many missions have which value."""
     facts: dict[str, Counter[str]] = {}
     for footer in footers:
@@ -364,25 +365,25 @@ def provenance_facts(footers: Sequence[dict[str, Any]]) -> dict[str, Counter[str
     return facts
 
 
-def _facts(footer: dict[str, Any]) -> dict[str, str]:
-    libraries = dict(footer.get("libraries") or {})
-    git = footer.get("git") or {}
+def _facts(footer: Footer) -> dict[str, str]:
+    libraries = dict(footer.libraries)
+    git = footer.git or {}
     commit = git.get("commit") or "not recorded (not run from a repository)"
     blas = sorted({f"{one['internal_api']} {one['version']} ({one['architecture']})"
-                   for one in footer.get("blas") or []})  # fmt: skip
-    program, *arguments = footer.get("command") or ["not recorded"]
+                   for one in footer.blas})  # fmt: skip
+    program, *arguments = footer.command or ["not recorded"]
     if arguments and not arguments[0].startswith("-"):
         program, *arguments = arguments
     return {
-        "terrain": footer["terrain"]["name"],
-        "terrain sha256": footer["terrain"]["sha256"],
+        "terrain": footer.terrain["name"],
+        "terrain sha256": footer.terrain["sha256"],
         "infoplan": str(libraries.pop("infoplan", None)),
         "commit": commit + (", with uncommitted changes" if git.get("dirty") else ""),
-        "numerics version": str(footer["configuration"].get("numerics_version")),
-        "schema version": str(footer["schema_version"]),
-        "processor": str(footer.get("cpu")),
-        "system": str(footer.get("platform")),
-        "Python": str(footer.get("python")),
+        "numerics version": str(footer.configuration["numerics_version"]),
+        "schema version": str(footer.schema_version),
+        "processor": footer.cpu,
+        "system": footer.platform,
+        "Python": footer.python,
         "libraries": ", ".join(f"{name} {version}" for name, version in libraries.items()),
         "BLAS": ", ".join(blas) or "not recorded",
         "command": shlex.join([Path(program).name, *arguments]),

@@ -17,7 +17,7 @@ from infoplan.analyse.tables import (
     load_samples,
     option_text,
 )
-from infoplan.draw.table_layout import INDENT, say
+from infoplan.draw.console import INDENT, say
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError
 from infoplan.wording import figure, interval

@@ -8,7 +8,6 @@ block of lines.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from rich import box
 from rich.cells import cell_len
@@ -16,7 +15,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from infoplan.wording import encodable, harmless
+from infoplan.draw.console import INDENT, UNLIMITED, plain, plain_text, say, wrapped
+from infoplan.wording import encodable
 
 Cell = str | Text
 """Lines of a cell; only line ends part them, all other control characters are made visible."""
@@ -24,30 +24,11 @@ Cell = str | Text
 ASCII_BOX = box.Box("    \n    \n -- \n    \n    \n -- \n    \n    \n", ascii=True)
 """As `box.SIMPLE`, for encodings without its line."""
 
-UNLIMITED = 100_000
-"""Width of a console that is no terminal: whole lines."""
-
 WHOLE = UNLIMITED
 """As `Column.least`: the lines of a column are never broken."""
 
 GAP = 2
 """Spaces between columns."""
-
-INDENT = "  "
-"""Of the fields of a stacked row."""
-
-
-class PlainConsole(Console):
-    """A console that prints text of any origin as it is: no markup, no control characters."""
-
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Print as `rich.console.Console.print` does."""
-        super().print(*(self._plain(item) for item in objects), **options)
-
-    def _plain(self, item: Any) -> Any:
-        if isinstance(item, str | Text):
-            return _text(item, self)
-        return item
 
 
 @dataclass(frozen=True)
@@ -106,8 +87,8 @@ def print_table(
     """
     if title:
         say(console, title, style="italic")
-    columns = [replace(column, title=_plain(column.title, console)) for column in columns]
-    cells = [None if row is None else [_text(cell, console) for cell in row] for row in rows]
+    columns = [replace(column, title=plain(column.title, console)) for column in columns]
+    cells = [None if row is None else [plain_text(cell, console) for cell in row] for row in rows]
     full = [row for row in cells if row is not None]
     for kept in _choices(columns):
         chosen = [columns[index] for index in kept]
@@ -126,74 +107,6 @@ def print_table(
     console.print()
 
 
-def say(console: Console, text: object, style: str = "", indent: str = "") -> None:
-    """Print a sentence, broken between words alone: a path that is too long stays whole.
-
-    Parameters
-    ----------
-    console
-        Where to.
-    text
-        Of any origin: it is printed as it is, control characters made visible.
-    style
-        Rich's.
-    indent
-        Before all lines but the first.
-    """
-    for line in wrapped(_plain(text, console), console.width, indent):
-        console.print(Text(line, style=style), soft_wrap=True)
-
-
-def say_command(console: Console, before: str, command: str) -> None:
-    """Print a sentence that ends in a command line, which can be pasted however it is broken.
-
-    Parameters
-    ----------
-    console
-        Where to.
-    before
-        The sentence up to the command.
-    command
-        Words as a shell reads them. Where the whole does not fit, it stands on lines of its own
-        that end in a backslash.
-    """
-    whole = f"{before} {command}"
-    if cell_len(_plain(whole, console)) <= console.width:
-        say(console, whole)
-        return
-    say(console, before)
-    words = re.findall(r"""(?:'[^']*'|"[^"]*"|[^\s'"])+""", _plain(command, console))
-    line = INDENT + words[0]
-    for word in words[1:]:
-        if cell_len(f"{line} {word} \\") > console.width:
-            console.print(Text(f"{line} \\"), soft_wrap=True)
-            line = 2 * INDENT + word
-        else:
-            line += f" {word}"
-    console.print(Text(line), soft_wrap=True)
-
-
-def wrapped(text: str, width: int, indent: str = "") -> list[str]:
-    """Break a text between words; a word that is longer than the width stays whole.
-
-    Parameters
-    ----------
-    text
-        A single line.
-    width
-        Of a line, in characters.
-    indent
-        Before all lines but the first.
-    """
-    lines, line = [], ""
-    for word in re.findall(r" *[^ ]+", text):
-        if line.strip() and cell_len(line + word) > width:
-            lines.append(line)
-            line, word = indent, word.lstrip()
-        line += word
-    return [*lines, line]
-
-
 def _choices(columns: Sequence[Column]) -> list[list[int]]:
     """List which columns may be kept, by index: all, and fewer and fewer."""
     kept = list(range(len(columns)))
@@ -202,17 +115,6 @@ def _choices(columns: Sequence[Column]) -> list[list[int]]:
         if columns[index].spare:
             choices.append([other for other in choices[-1] if other != index])
     return choices
-
-
-def _plain(text: object, console: Console) -> str:
-    """Make a line of any origin safe to print."""
-    return encodable(harmless(text), console.encoding)
-
-
-def _text(cell: Cell, console: Console) -> Text:
-    """Make a cell of any origin safe to print, line by line."""
-    plain, style = (cell.plain, cell.style) if isinstance(cell, Text) else (cell, "")
-    return Text("\n".join(_plain(line, console) for line in plain.split("\n")), style)
 
 
 def _widths(

@@ -12,9 +12,9 @@ from infoplan.analyse.relief import RADIUS, local_relief
 from infoplan.config import PilotConfig
 from infoplan.draw import style
 from infoplan.errors import RunError
+from infoplan.extent import query_grid
 from infoplan.robot import bezier_path
 from infoplan.terrain import Terrain
-from infoplan.terrain.surface import query_grid
 from infoplan.wording import figure, harmless
 
 if TYPE_CHECKING:

@@ -1,14 +1,15 @@
-"""Gaussian process regression with the anisotropic Gaussian kernel.
+"""Gaussian process regression: with any kernel, and Gaussian or Student-t noise.
 
-A model is a class with the public interface of `GaussianProcess`; its constructor takes the pilot's
-positions and measurements, and its options as keywords.
+A model is a class with the public interface of `infoplan.model.regression.Regression`; its
+constructor takes the pilot's positions and measurements, and its options as keywords.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from infoplan.model.gp import GaussianProcess, Hyperparameters
-from infoplan.model.likelihood import log_marginal_likelihood
+from infoplan.model.gp import GaussianProcess
+from infoplan.model.inference.exact import log_marginal_likelihood
+from infoplan.model.kernel import Hyperparameter, Kernel
 from infoplan.model.student_t import StudentTProcess
 
 MODELS: dict[str, Callable[..., Any]] = {"gp": GaussianProcess, "student_t": StudentTProcess}
@@ -16,7 +17,8 @@ MODELS: dict[str, Callable[..., Any]] = {"gp": GaussianProcess, "student_t": Stu
 __all__ = [
     "MODELS",
     "GaussianProcess",
-    "Hyperparameters",
+    "Hyperparameter",
+    "Kernel",
     "StudentTProcess",
     "log_marginal_likelihood",
 ]

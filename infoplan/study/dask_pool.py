@@ -18,8 +18,8 @@ from infoplan.config import MissionConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.files import read_regular, user_path
 from infoplan.study.flight import Outcome, Task, compile_on_dask, failed, fly_on_dask
+from infoplan.study.listening import Progress
 from infoplan.study.processes import KILL_SECONDS, TRIES, deaf_children, died
-from infoplan.study.progress import Display
 from infoplan.study.signals import ignored
 
 INNOCENT_LOSSES = 5
@@ -50,7 +50,7 @@ class DaskPool:
     worker; only those that had really been started have then used up a try.
     """
 
-    def __init__(self, n_jobs: int, scheduler: str | None, display: Display):
+    def __init__(self, n_jobs: int, scheduler: str | None, progress: Progress):
         try:
             import distributed  # noqa: F401
         except ImportError as error:
@@ -60,7 +60,7 @@ class DaskPool:
         # What goes wrong is told in one sentence, not in Dask's log.
         for name in ("distributed.client", "distributed.comm", "tornado.application"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        self.n_jobs, self.display = n_jobs, display
+        self.n_jobs, self.progress = n_jobs, progress
         self.where = scheduler or "this machine"
         self.topic = f"infoplan-{uuid.uuid4().hex}"
         self.starts: Counter[int] = Counter()
@@ -107,7 +107,7 @@ class DaskPool:
             self.workers = len(self._asked(self.client.nthreads))
             if not self.workers and not self.told:
                 self.told = True
-                self.display.say(f"waiting for workers to join the Dask scheduler at {self.where}")
+                self.progress.say(f"waiting for workers to join the Dask scheduler at {self.where}")
         return self.n_jobs if self.n_jobs > 0 else max(self.workers, 1)
 
     def get_ready(self, configs: list[MissionConfig], missions: int) -> None:
@@ -218,12 +218,12 @@ class DaskPool:
         return outcome
 
     def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
-        """Pass a worker's report on to the display, and count the starts."""
+        """Pass a worker's report on, and count the starts."""
         _, message = event
         number = message["mission"]
         if not message["collected"]:
             self.starts[number] += 1
-        self.display.report(number, message["collected"], message["rmse"])
+        self.progress.report(number, message["collected"], message["rmse"])
 
     def _asked(self, question: Callable[[], Any]) -> Any:
         try:

@@ -1,26 +1,36 @@
-"""What a worker does: fly one mission and hand back its tables, or say why not."""
+"""What a worker does: fly or replay one mission and hand back its tables, or say why not."""
 
 import os
 import threading
 import time
 import traceback
 import warnings
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from infoplan.backend import load_matplotlib
 from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfig, TerrainConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.options import with_values
 from infoplan.study.identity import NUMERICS_VERSION, Run
-from infoplan.study.limits import check_mission
-from infoplan.study.progress import COMPILING, Report
 from infoplan.study.provenance import provenance
 from infoplan.study.signals import Interrupted
-from infoplan.study.store import MissionTables, build_tables
+from infoplan.study.store import MissionTables, build_tables, read_table
 from infoplan.wording import harmless
+
+if TYPE_CHECKING:
+    from infoplan.scoring import State
+
+Report = Callable[[int, int, float | None], None]
+"""Takes the number of a mission, the samples that it has collected, and its RMSE; at the start 0
+and None."""
+
+COMPILING = -1
+"""Number that a worker reports instead of a mission's while it compiles the kernels."""
 
 NOTICE_SECONDS = 2.0
 """Kernels that are in the cache are loaded in less; whatever takes longer is compiling."""
@@ -41,11 +51,25 @@ _one_mission = threading.Lock()
 
 @dataclass(frozen=True)
 class Task:
-    """A mission to fly: one run, one seed, and its number in the display."""
+    """A mission for a worker: one run, one seed, and the number by which it reports.
+
+    Attributes
+    ----------
+    run, seed, number
+        Which it is.
+    flown
+        Of a replay, the results folder and the run whose samples it gets; of a flight None.
+    """
 
     run: Run
     seed: int
     number: int
+    flown: tuple[Path, str] | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is called before people."""
+        return f"{self.run.name} seed {self.seed}"
 
 
 @dataclass
@@ -78,7 +102,7 @@ class Outcome:
 
 
 def fly(task: Task, report: Report | None = None) -> Outcome:
-    """Fly one mission, on one thread, and return its tables or what went wrong.
+    """Fly or replay one mission, on one thread, and return its tables or what went wrong.
 
     Whatever a method of the user's raises fails the mission alone: only a signal gets through.
 
@@ -94,21 +118,18 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
     started, clock, process = datetime.now(UTC), time.perf_counter(), os.getpid()
     report(task.number, 0, None)
     try:
-        run, seed, rows = task.run, task.seed, []
-        _check_version(run)
-        check_mission(run.config)
+        _check_version(task.run)
 
-        from infoplan.mission import explore
-        from infoplan.simulator import Simulator
         from infoplan.threads import look_again, one_thread
 
         look_again()
         with one_thread():
-            for state in explore(run.config, Simulator(run.config, run.terrain, seed), seed):
+            rows = []
+            for state in _states(task):
                 _end_if_forked(process)
                 rows.append(state.row)
                 report(task.number, state.row.collected, state.row.rmse)
-            tables = build_tables(run, seed, rows, state)
+            tables = build_tables(task.run, task.seed, rows, state)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -120,6 +141,23 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
         _end_if_forked(process)
         return failed(task, error, time.perf_counter() - clock)
     return Outcome(task, time.perf_counter() - clock, tables, footer)
+
+
+def _states(task: Task) -> Iterator["State"]:
+    """Carry a task out, giving the mission's state after the pilot and each epoch."""
+    config, terrain = task.run.config, task.run.terrain
+    if task.flown is None:
+        from infoplan.mission import explore
+        from infoplan.simulator import Simulator
+
+        return explore(config, Simulator(config, terrain, task.seed), task.seed)
+    from infoplan.study.replayed import explore_again
+
+    samples, maps = (
+        read_table(task.flown[0], name, task.flown[1], task.seed).to_pandas()
+        for name in ("samples", "maps")
+    )
+    return explore_again(config, task.seed, samples, maps)
 
 
 def _end_if_forked(process: int) -> None:

@@ -5,7 +5,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from infoplan.config import (
@@ -17,15 +16,21 @@ from infoplan.config import (
     terrain_kind,
     validate,
 )
-from infoplan.errors import RunError, UsageError
+from infoplan.errors import RunError
 from infoplan.methods import complete, method_from_stored, stored_methods
 from infoplan.options import check_options, walk
 from infoplan.own import fits, in_words, load, resolve_options
 from infoplan.tables import MAX_ROWS
-from infoplan.terrain import Terrain, find_helens, load_terrain
+from infoplan.terrain import Terrain
 
 NUMERICS_VERSION = 1
 """Raised by hand whenever the same configuration and seed give other numbers than before."""
+
+ADDED_LATER = {"model.kernel": "squared_exponential"}
+"""Options of methods that runs of earlier versions have not stored, and what they flew with.
+
+With this value they are not stored today either, so that the run keeps its name.
+"""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,24 @@ def identify(config: MissionConfig, terrain: Terrain) -> Run:
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
+    _leave_out_later(science)
     return Run(run_name(science), resolved, terrain, science)
+
+
+def _leave_out_later(science: dict[str, Any]) -> None:
+    """Drop options added later from a run's `science` where they have the value from before."""
+    for name, value in ADDED_LATER.items():
+        group, option = name.split(".")
+        if science[group].get(option) == value:
+            del science[group][option]
+
+
+def _with_later(group: str, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a group's stored options with those that were left out."""
+    schema = METHODS[group].get(stored["name"])
+    later = {name.split(".")[1]: value for name, value in ADDED_LATER.items()
+             if name.startswith(f"{group}.") and hasattr(schema, name.split(".")[1])}  # fmt: skip
+    return later | dict(stored)
 
 
 def run_name(science: Mapping[str, Any]) -> str:
@@ -95,67 +117,6 @@ def resolve(config: MissionConfig, terrain: Terrain) -> MissionConfig:
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
     return resolved
-
-
-def stored_terrains(
-    results_dir: Path, path: str | None = None, member: str | None = None
-) -> list[Terrain]:
-    """Load the maps of stored runs again, those that are to be had here; nothing is downloaded.
-
-    Maps that a function of a user's own makes are left out: what a results folder names is never
-    called.
-
-    Parameters
-    ----------
-    results_dir
-        The folder that holds ``runs``.
-    path, member
-        The file, and its name in a ``.zip`` archive, of the runs whose map came from a file; None:
-        their maps are left out.
-
-    Returns
-    -------
-    list of Terrain
-        Each has the digest of the run's map: it is that map, in that unit and orientation.
-
-    Raises
-    ------
-    UsageError
-        If `path` leads to the map of no run.
-    """
-    from infoplan.study.records import MisfitError, read_science
-
-    found: dict[str, Terrain] = {}
-    failure = ""
-    for file in sorted(results_dir.glob("runs/*.yaml")):
-        try:
-            science = read_science(file)
-        except MisfitError:
-            continue  # whoever reads the run says what is wrong with it
-        options = vars(config_from_science(science).terrain)
-        digest = science["terrain"]["sha256"]
-        kind = terrain_kind(options["name"])
-        shape = options.get("shape")
-        if kind == "own" or (isinstance(shape, list) and math.prod(shape) > MAX_ROWS):
-            continue
-        if kind == "helens":
-            options["path"] = find_helens()
-        elif kind == "file":
-            options |= {"path": path, "member": member}
-        if digest in found or options.get("path", "") is None:
-            continue
-        try:
-            terrain = load_terrain(**options)
-        except UsageError as error:
-            failure = f": {error}"
-            continue
-        if terrain.sha256 == digest:
-            found[digest] = terrain
-    if path is not None and not any(terrain.name.startswith("file-") for terrain in found.values()):
-        raise UsageError(
-            f"terrain.path={path} leads to the map of no run in {results_dir}{failure}"
-        )
-    return list(found.values())
 
 
 def _resolve_terrain(config: TerrainConfig, terrain: Terrain) -> TerrainConfig:
@@ -215,7 +176,7 @@ def restored(science: Mapping[str, Any]) -> MissionConfig:
         for item in fields(MissionConfig):
             value = options[item.name] = science[item.name]
             if item.name in METHODS:
-                options[item.name] = method_from_stored(item.name, value)
+                options[item.name] = method_from_stored(item.name, _with_later(item.name, value))
             elif is_dataclass(item.type):
                 schema: Any = item.type
                 if item.name == "terrain":

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from infoplan.config import Config, MissionConfig
-from infoplan.study.flight import Outcome, Task, fly, get_ready
-from infoplan.study.progress import Display, Report
+from infoplan.study.flight import Outcome, Report, Task, fly, get_ready
+from infoplan.study.listening import Progress
 from infoplan.study.signals import ignored
 
 
@@ -34,7 +34,7 @@ class Pool(Protocol):
 
 
 @contextmanager
-def open_pool(config: Config, workers: int, display: Display) -> Iterator[Pool]:
+def open_pool(config: Config, workers: int, progress: Progress) -> Iterator[Pool]:
     """Open a pool and close it in any case.
 
     Parameters
@@ -43,8 +43,8 @@ def open_pool(config: Config, workers: int, display: Display) -> Iterator[Pool]:
         Its ``backend``, ``scheduler``, ``n_jobs`` and ``mission_timeout``.
     workers
         Processes on this machine, where missions fly in such.
-    display
-        Where missions report.
+    progress
+        Is told what missions report.
 
     Raises
     ------
@@ -55,17 +55,17 @@ def open_pool(config: Config, workers: int, display: Display) -> Iterator[Pool]:
     """
     pool: Pool
     if config.backend == "sequential":
-        pool = SequentialPool(display.report)
+        pool = SequentialPool(progress.report)
     elif config.backend == "dask":
         from infoplan.study.dask_pool import DaskPool
 
         if config.scheduler is not None:
             workers = config.n_jobs
-        pool = DaskPool(workers, config.scheduler, display)
+        pool = DaskPool(workers, config.scheduler, progress)
     else:
         from infoplan.study.processes import ProcessPool
 
-        pool = ProcessPool(workers, display.report, config.mission_timeout)
+        pool = ProcessPool(workers, progress, config.mission_timeout)
     try:
         yield pool
     finally:

@@ -16,9 +16,8 @@ from typing import Any
 
 from infoplan.config import METHODS, MissionConfig
 from infoplan.errors import RunError
-from infoplan.output import complain
 from infoplan.study.flight import ONE_THREAD, Outcome, Task, failed, fly, get_ready, shortened
-from infoplan.study.progress import Report
+from infoplan.study.listening import Progress
 from infoplan.study.signals import postponed
 from infoplan.wording import figure, harmless
 
@@ -157,15 +156,15 @@ class ProcessPool:
     ----------
     workers
         How many.
-    report
-        Called with what missions report.
+    progress
+        Is told what missions report, and what workers write to standard error.
     timeout
         Seconds after which a mission is given up; None: never.
     """
 
-    def __init__(self, workers: int, report: Report, timeout: float | None = None):
+    def __init__(self, workers: int, progress: Progress, timeout: float | None = None):
         self.workers: list[Worker] = []
-        self.limit, self.report, self.timeout = workers, report, timeout
+        self.limit, self.progress, self.timeout = workers, progress, timeout
         self.deaths: Counter[int] = Counter()
         self.stillborn = 0
 
@@ -225,7 +224,7 @@ class ProcessPool:
         except Exception as error:  # an answer that cannot be read here
             answer = failed(worker.task, error) if worker.task else None
         if isinstance(answer, tuple):
-            self.report(*answer)
+            self.progress.report(*answer)
             return []
         if not isinstance(answer, Outcome):
             worker.ready, self.stillborn = True, 0
@@ -233,7 +232,7 @@ class ProcessPool:
                 worker.fly(worker.task)
             return []
         if said := worker.said():
-            complain(shortened(said, LONGEST_HEARD))
+            self.progress.overhear(shortened(said, LONGEST_HEARD))
         if worker.task and uses_own(worker.task.run.config):
             # Such code may have changed NumPy, the locale, anything: it goes with its process.
             self.workers.remove(worker)

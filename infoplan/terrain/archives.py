@@ -58,12 +58,15 @@ def unpacked(
         except (UsageError, MemoryError):
             raise
         except Exception as error:  # a mangled archive fails in many ways
-            reason = "it is encrypted" if "encrypted" in str(error) else "it is damaged"
+            reason = "it is damaged: get it again"
+            if "encrypted" in str(error):
+                reason = "it is encrypted: unpack it yourself"
             if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-                reason = f"the temporary folder is full ({tempfile.gettempdir()})"
-            raise UsageError(
-                f"{what} cannot be unpacked, {reason}: get it again, or unpack it yourself"
-            ) from error
+                reason = (
+                    f"the temporary folder is full ({tempfile.gettempdir()}): make room, or set "
+                    "TMPDIR to a folder that has it"
+                )
+            raise UsageError(f"{what} cannot be unpacked, {reason}") from error
         file.seek(0)
         yield PurePosixPath(entry.filename).name, file  # type: ignore[misc]
 

@@ -99,18 +99,9 @@ def read_asc(
             f"{what} is cut short: it announces {rows} x {columns} nodes and has {size} bytes, "
             "so copy or download it again"
         )
-    coarsening = None
-    if grids.must_coarsen((rows, columns), shape, what):
-        assert shape is not None
-        coarsening = Resampled((rows, columns), shape, mark)
     body = _Body(stream, header, what)
-    if coarsening is None:
-        elevation = grids.assembled(header.shape, body.blocks())
-    else:
-        for block in body.blocks():
-            coarsening.add(*block)
-        elevation = coarsening.elevation()
-    return Grid(elevation[::-1], None, header.edges()), coarsening, body.single
+    elevation, resampled = grids.read_in(header.shape, shape, mark, what, body.blocks())
+    return Grid(elevation[::-1], None, header.edges()), resampled, body.single
 
 
 def _as_bytes(stream: BinaryIO, what: str) -> BinaryIO:

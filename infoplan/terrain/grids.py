@@ -329,6 +329,47 @@ def assembled(shape: Sequence[int], blocks: Iterable[Block]) -> Floats:
     return elevation
 
 
+def read_in(
+    stored: Sequence[int],
+    wanted: Sequence[int] | None,
+    mark: float | None,
+    what: str,
+    blocks: Iterable[Block],
+) -> tuple[Floats, Resampled | None]:
+    """Read a grid part by part: whole, or resampled on the way if it is too large.
+
+    Parameters
+    ----------
+    stored, wanted
+        Rows and columns that there are, and that a grid of more than `MAX_NODES` nodes is resampled
+        to; None: it is refused.
+    mark
+        A number that stands for a missing elevation, in such a grid.
+    what
+        What it is called in a message.
+    blocks
+        Its parts; none is asked for before the shape is found possible.
+
+    Returns
+    -------
+    elevation : ndarray
+    resampled : Resampled or None
+        What was seen of a grid that was resampled.
+
+    Raises
+    ------
+    UsageError
+        As of `must_coarsen`.
+    """
+    if not must_coarsen(stored, wanted, what):
+        return assembled(stored, blocks), None
+    assert wanted is not None
+    resampled = Resampled(stored, wanted, mark)
+    for block in blocks:
+        resampled.add(*block)
+    return resampled.elevation(), resampled
+
+
 def cropped(grid: Grid, crop: Sequence[int]) -> Grid:
     """Keep a block of rows and columns.
 

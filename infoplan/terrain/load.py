@@ -22,12 +22,13 @@ from infoplan.config import (
     terrain_kind,
 )
 from infoplan.errors import RunError, UsageError
+from infoplan.extent import checked_extent
 from infoplan.files import user_path
 from infoplan.options import check_options
 from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volcano
 from infoplan.terrain.grids import Ends, Floats, Grid
 from infoplan.terrain.random_field import random_field
-from infoplan.terrain.surface import Terrain, array_digest, checked_extent
+from infoplan.terrain.surface import Terrain, array_digest
 from infoplan.terrain.units import in_unit
 from infoplan.wording import figure, harmless, suggest
 

@@ -16,6 +16,9 @@ REACH = 8.6
 
 DIGITS = 6
 
+MAX_WAVES = 2**14
+"""Most waves along an axis: a lengthscale of a thousandth of a side has 2800, in 0.1 s."""
+
 
 def random_field(
     seed: int,
@@ -60,10 +63,15 @@ def random_field(
         )
     numbers = [_wave_number(side, length) for side, length in zip(sides, lengthscale, strict=True)]
     counts = [2 * number + 1 for number in numbers]
-    if math.prod(counts) > MAX_NODES or counts[0] * columns + counts[1] * rows > MAX_NODES:
+    if math.prod(counts) > MAX_NODES or max(counts) > MAX_WAVES:
         raise UsageError(
             f"terrain.lengthscale={list(lengthscale)} is too short for a workspace of "
             f"{sides[0]:g} by {sides[1]:g}: give lengthscales of at least a thousandth of it"
+        )
+    if counts[0] * columns + counts[1] * rows > MAX_NODES:
+        raise UsageError(
+            f"terrain.shape={[rows, columns]} has too many nodes along an axis for "
+            f"terrain.lengthscale={list(lengthscale)}: ask for fewer, or give longer lengthscales"
         )
     along_x = _waves(columns, sides[0], lengthscale[0], numbers[0])
     along_y = _waves(rows, sides[1], lengthscale[1], numbers[1])

@@ -100,13 +100,9 @@ def read_raster(
                 _check_dataset(dataset, size, what)
                 if driver == "USGSDEM" and isinstance(source, bytes):
                     _check_signs(source, what)
-                if not grids.must_coarsen(dataset.shape, shape, what):
-                    return _north_up(dataset, _values(dataset), what), None
-                assert shape is not None
-                resampled = Resampled(dataset.shape, shape, mark)
-                for block in _blocks(dataset):
-                    resampled.add(*block)
-                return _north_up(dataset, resampled.elevation(), what), resampled
+                blocks = _blocks(dataset)
+                elevation, resampled = grids.read_in(dataset.shape, shape, mark, what, blocks)
+                return _north_up(dataset, elevation, what), resampled
     except (UsageError, MemoryError):
         raise
     except Exception as error:  # a mangled file fails in many ways
@@ -173,7 +169,7 @@ def _blocks(dataset: Any) -> Iterator[Block]:
             yield row, column, _values(dataset, window)
 
 
-def _values(dataset: Any, window: Any = None) -> Floats:
+def _values(dataset: Any, window: Any) -> Floats:
     stored = dataset.read(1, masked=True, window=window)
     with np.errstate(over="ignore", invalid="ignore"):  # what a double cannot hold is infinite
         elevation: Floats = stored.astype(np.float64).filled(np.nan)

@@ -1,24 +1,14 @@
 """The record of a terrain, and its elevation between the nodes."""
 
 import hashlib
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from infoplan.errors import UsageError
+from infoplan.extent import Extent, checked_extent
 
 Floats = NDArray[np.float64]
-Extent = tuple[float, float, float, float]
-
-MAX_COORDINATE = 1e9
-"""Largest coordinate of a workspace, up or down."""
-MIN_SIDE, MIN_SHARE = 1e-6, 1e-9
-"""Least side of a workspace, and that as a share of its largest coordinate."""
-MAX_ASPECT = 1e6
-"""Most that a side may be longer than the other, times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,54 +82,6 @@ class Terrain:
         lower = z[i, j] * (1 - along_x) + z[i, j + 1] * along_x
         upper = z[i + 1, j] * (1 - along_x) + z[i + 1, j + 1] * along_x
         return np.asarray(lower * (1 - along_y) + upper * along_y)
-
-
-def query_grid(extent: Extent, shape: tuple[int, int]) -> Floats:
-    """Nodes of an even grid over a workspace, borders included.
-
-    Parameters
-    ----------
-    extent
-        xmin, xmax, ymin, ymax.
-    shape
-        Number of rows along y and of columns along x, at least 2 each.
-
-    Returns
-    -------
-    ndarray, shape (rows * columns, 2)
-        x and y, row-major: x runs fastest.
-    """
-    rows, columns = shape
-    xmin, xmax, ymin, ymax = extent
-    y, x = np.meshgrid(
-        np.linspace(ymin, ymax, rows), np.linspace(xmin, xmax, columns), indexing="ij"
-    )
-    return np.column_stack([x.ravel(), y.ravel()])
-
-
-def checked_extent(extent: Sequence[float]) -> Extent:
-    """Return a workspace's xmin, xmax, ymin, ymax as floats, or raise a `UsageError`."""
-    try:
-        xmin, xmax, ymin, ymax = (float(bound) for bound in extent)
-    except (TypeError, ValueError):
-        xmin = xmax = ymin = ymax = math.nan
-    if not (-math.inf < xmin < xmax < math.inf and -math.inf < ymin < ymax < math.inf):
-        raise UsageError(
-            f"terrain.extent={extent} is no workspace: give [xmin,xmax,ymin,ymax], four finite "
-            "numbers with xmin < xmax and ymin < ymax"
-        )
-    largest, sides = max(map(abs, (xmin, xmax, ymin, ymax))), (xmax - xmin, ymax - ymin)
-    if largest > MAX_COORDINATE or min(sides) < max(MIN_SIDE, MIN_SHARE * largest):
-        raise UsageError(
-            f"terrain.extent={extent} is no workspace: its sides must be at least {MIN_SIDE:g} "
-            f"and {MIN_SHARE:g} of the largest coordinate, which is at most {MAX_COORDINATE:g}"
-        )
-    if max(sides) > MAX_ASPECT * min(sides):
-        raise UsageError(
-            f"terrain.extent={extent} is no workspace: one side is more than {MAX_ASPECT:g} times "
-            "as long as the other"
-        )
-    return xmin, xmax, ymin, ymax
 
 
 def array_digest(elevation: Floats) -> str:

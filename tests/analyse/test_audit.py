@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 from made_run import CONFIGURATION, RUN, SEED, fly, hills, store, table_path, with_options
 
-from infoplan.analyse.audit import Finding, audit, audit_mission, render
+from infoplan.analyse.audit import Finding, audit, audit_mission
+from infoplan.draw.findings_table import render
 from infoplan.errors import UsageError
 
 Tables = dict[str, pd.DataFrame]

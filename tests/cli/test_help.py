@@ -200,7 +200,7 @@ MISTAKES = {
     "show a run=b": "infoplan show takes one run, not 2: b and a",
     "audit seeds=x": "seeds='x' is not a number of seeds",
     "replay": "infoplan replay takes one stored run",
-    "replay x resume=perhaps": "resume=perhaps is not possible: it must be true or false",
+    "replay x resume=perhaps": "resume=perhaps is not possible: resume must be true or false",
     "terrain": "Usage: infoplan terrain",
     "terrain shw": "there is no command 'shw' (did you mean 'show'?): use list, show, fetch",
     "terrain fetch now": "infoplan terrain fetch has no use for 'now'",

@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ def read(folder: Path, table: str, run: str, seed: int) -> pd.DataFrame:
 def replay(folder: Path, run: str, *overrides: str) -> str:
     """Replay through the command line in this process; the replay's name."""
     before = stored(folder)
-    assert main(["replay", run, *overrides, f"results_dir={folder}", "n_jobs=1"]) == 0
+    assert main(["replay", run, *overrides, f"results_dir={folder}", "backend=sequential"]) == 0
     (new,) = stored(folder) - before
     return new
 
@@ -170,6 +171,10 @@ BAD = {
     "detector=none,best": "several values",
     "detector=none detector.contamination=0.2": "has no option",
     "seeds=[7]": "seed 7 of",
+    "n_jobs=0": "n_jobs=0 runs nothing",
+    "backend=dask mission_timeout=9": "has no use with backend=dask",
+    "backend=threads": "backend=threads is not a choice",
+    "scheduler=tcp://here:1": "not open to a replay",
     "another": "takes one run, not 2",
     "--json": "there is no flag '--json'",
 }
@@ -262,8 +267,47 @@ def test_two_replays_at_once_share_the_work(flown, tmp_path, capfd):
     expected = replay(folder, name, "model.iterations=1")
     shutil.rmtree(folder / "curves" / f"run={expected}")
     lock = acquire(folder, expected, 1)
-    arguments = ["replay", name, "model.iterations=1", f"results_dir={folder}", "n_jobs=1"]
-    assert main(arguments) == 0
-    lock.release()
-    assert "seed 1  is being replayed by another infoplan" in capfd.readouterr().out
-    assert [path.stem for path in (folder / "curves" / f"run={expected}").iterdir()] == ["seed=0"]
+    other = threading.Timer(2.0, lock.release)
+    other.start()
+    arguments = ["replay", name, "model.iterations=1", f"results_dir={folder}"]
+    assert main([*arguments, "backend=sequential"]) == 0
+    assert other.finished.is_set()
+    assert "another infoplan process flies the rest: waiting for it" in capfd.readouterr().out
+    seeds = {path.stem for path in (folder / "curves" / f"run={expected}").iterdir()}
+    assert seeds == {"seed=0", "seed=1"}
+
+
+@pytest.mark.parametrize("how", [["n_jobs=2"], ["backend=dask", "n_jobs=2"]])
+def test_every_pool_replays_the_same_numbers_and_tells_how_far_it_is(flown, tmp_path, how):
+    folder = tmp_path / "flown"
+    shutil.copytree(flown, folder)
+    name = runs(folder)["puct-copod"]
+    expected = replay(folder, name, "detector.contamination=0.15")
+    tables = {seed: read(folder, "curves", expected, seed) for seed in (0, 1)}
+    again = [name, "detector.contamination=0.15", f"results_dir={folder}", "resume=false"]
+    said = command("replay", *again, *how).stdout
+    assert f"[2/2] {expected} seed " in said
+    assert "2 missions replayed, 0 kept" in said
+    for seed, table in tables.items():
+        found = read(folder, "curves", expected, seed).drop(columns=CLOCKS)
+        pd.testing.assert_frame_equal(found, table.drop(columns=CLOCKS), check_exact=True)
+
+
+def test_a_failed_replay_ends_the_rest_if_that_is_asked_for(flown, tmp_path, capfd):
+    folder = tmp_path / "flown"
+    shutil.copytree(flown, folder)
+    knn = ["detector=pyod", "detector.model=KNN", "detector.params.n_neighbors=5000"]
+    how = [f"results_dir={folder}", "backend=sequential", "on_error=stop"]
+    assert main(["replay", runs(folder)["puct-copod"], *knn, *how]) == 1
+    said = capfd.readouterr().out
+    assert said.count("FAILED: ") == 1
+    assert "0 missions replayed, 0 kept, 1 failed, 1 not started (on_error=stop)" in said
+
+
+def test_a_replay_that_takes_too_long_is_ended(flown, tmp_path, capfd):
+    folder = tmp_path / "flown"
+    shutil.copytree(flown, folder)
+    name = runs(folder)["puct-copod"]
+    slow = ["model.pilot_iterations=100000", "seeds=[0]", "n_jobs=1", "mission_timeout=1"]
+    assert main(["replay", name, *slow, f"results_dir={folder}"]) == 1
+    assert "mission_timeout=1 seconds and was ended" in capfd.readouterr().out

@@ -22,8 +22,11 @@ from rich.cells import cell_len
 from infoplan.analyse import find_missions
 from infoplan.cli import main
 from infoplan.config import Config, DetectorConfig, FileConfig
-from infoplan.study.runner import Study, plan_study, run_study
-from infoplan.study.summary import print_plan, print_summary, wide_console
+from infoplan.draw.console import wide_console
+from infoplan.draw.progress import listener
+from infoplan.draw.study_tables import print_plan, print_summary
+from infoplan.study.runner import plan_study, run_study
+from infoplan.study.study import Study
 
 WIDTHS = (40, 60, 80, 100, 120, 200)
 SLOW = ("run", "dry-run", "audit")
@@ -187,7 +190,7 @@ def hostile(tmp_path_factory) -> tuple[list[Config], Study, Path]:
     other = deepcopy(config)
     other.planner.exploration = 0.7
     configs = [config, other]
-    return configs, run_study(configs, wide_console()), folder
+    return configs, run_study(configs, listener(wide_console())), folder
 
 
 def test_the_closing_table_and_the_plan_print_labels_as_they_are(hostile, capfd, monkeypatch):
@@ -195,7 +198,7 @@ def test_the_closing_table_and_the_plan_print_labels_as_they_are(hostile, capfd,
     configs, study, folder = hostile
     capfd.readouterr()
     print_summary(study, wide_console())
-    print_plan(plan_study(configs, wide_console()), configs[0], wide_console())
+    print_plan(plan_study(configs, listener(wide_console()).say), configs[0], wide_console())
     said = capfd.readouterr().out
     assert r"RMSE in <script>\x1b[31m[/red]`|: mean" in said
     assert f"tables: {folder}/curves" in said

@@ -10,15 +10,8 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from infoplan.draw.table_layout import (
-    UNLIMITED,
-    WHOLE,
-    Column,
-    PlainConsole,
-    print_table,
-    say,
-    say_command,
-)
+from infoplan.draw.console import UNLIMITED, PlainConsole, say, say_command
+from infoplan.draw.table_layout import WHOLE, Column, print_table
 
 COLUMNS = [
     Column("run", least=WHOLE),

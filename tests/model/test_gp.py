@@ -1,5 +1,7 @@
 """The regression against scikit-learn, finite differences and a reference optimiser."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +10,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
 from infoplan.errors import RunError
-from infoplan.model import GaussianProcess, Hyperparameters, log_marginal_likelihood
+from infoplan.model import GaussianProcess, log_marginal_likelihood
 
 START = {"amplitude": 1.0, "lengthscale": 0.5, "noise_variance": 1.0}
 
@@ -49,7 +51,7 @@ def reference_theta(hyperparameters):
 def test_likelihood_and_gradient_equal_sklearn(n):
     rng = np.random.default_rng(n)
     x, y = rng.uniform(-1, 1, (n, 2)), rng.normal(size=n)
-    h = Hyperparameters(1.3, 0.4, 0.7, 0.2)
+    h = SimpleNamespace(amplitude=1.3, lengthscale_1=0.4, lengthscale_2=0.7, noise_std=0.2)
     regressor = sklearn_regressor(h).fit(x, y)
     expected, by_kernel = regressor.log_marginal_likelihood(
         regressor.kernel_.theta, eval_gradient=True

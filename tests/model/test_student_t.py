@@ -8,7 +8,8 @@ from scipy import optimize, stats
 
 from infoplan.errors import RunError
 from infoplan.model import GaussianProcess, StudentTProcess
-from infoplan.model.student_t import LaplaceLikelihood
+from infoplan.model.inference.laplace import LaplaceInference
+from infoplan.model.kernels.squared_exponential import KERNEL
 
 JITTER = 1e-6
 
@@ -28,7 +29,7 @@ def data(n, spikes, seed=0):
 
 
 def likelihood(x, y, dof=4.0):
-    made = LaplaceLikelihood(dof, JITTER)
+    made = LaplaceInference(KERNEL, dof, JITTER)
     made.set_data(np.ascontiguousarray(x.T), y)
     return made
 
@@ -67,7 +68,7 @@ def test_laplace_comes_near_the_integral(n, spikes, dof, allowed):
     theta = np.log([1.2, 0.8, 1.1, 0.05])
     made = likelihood(x, y, dof)
     evidence, mean, std = integrated(x, y, theta, dof, QUERY)
-    assert made.value(theta) == pytest.approx(evidence, abs=allowed)
+    assert made.lml(theta) == pytest.approx(evidence, abs=allowed)
     found, variance = made.predict(theta, QUERY.T.copy())
     np.testing.assert_allclose(found, mean, atol=0.08)
     np.testing.assert_allclose(np.sqrt(variance), std, rtol=0.1)
@@ -96,7 +97,7 @@ def test_value_and_prediction_are_laplace_s(n, spikes):
     prior = -0.5 * latent @ np.linalg.solve(k, latent)
     density = stats.t.logpdf(y, dof, latent, np.exp(theta[3] / 2)).sum()
     made = likelihood(x, y)
-    assert made.value(theta) == pytest.approx(prior + density - 0.5 * log_determinant, abs=1e-5)
+    assert made.lml(theta) == pytest.approx(prior + density - 0.5 * log_determinant, abs=1e-5)
     cross = covariance(QUERY, x, theta)
     posterior = np.linalg.inv(np.linalg.inv(k) + np.diag(w))
     inward = np.linalg.solve(k, cross.T)
@@ -111,10 +112,10 @@ def test_value_and_prediction_are_laplace_s(n, spikes):
 @pytest.mark.parametrize(("n", "spikes"), [(1, 0), (5, 1), (60, 20)])
 def test_gradient_against_differences(n, spikes, theta):
     made, theta, step = likelihood(*data(n, spikes)), np.log(theta), 1e-5
-    gradient = made.value_and_gradient(theta)[1]
+    gradient = made.lml_and_gradient(theta)[1]
     for i in range(4):
         aside = step * np.eye(4)[i]
-        expected = (made.value(theta + aside) - made.value(theta - aside)) / (2 * step)
+        expected = (made.lml(theta + aside) - made.lml(theta - aside)) / (2 * step)
         assert gradient[i] == pytest.approx(expected, rel=1e-5, abs=1e-5)
 
 
@@ -152,7 +153,7 @@ def test_the_likelihood_approaches_the_gaussian_one_as_the_tails_thin_out():
     theta = np.log([1.0, 0.5, 0.5, 0.1])
     k = covariance(x, x, theta) + (0.1 + JITTER) * np.eye(40)
     gaussian = stats.multivariate_normal(cov=k).logpdf(y)
-    away = [abs(likelihood(x, y, dof).value(theta) - gaussian) for dof in (1e2, 1e4, 1e6, 1e8)]
+    away = [abs(likelihood(x, y, dof).lml(theta) - gaussian) for dof in (1e2, 1e4, 1e6, 1e8)]
     assert all(later < earlier / 20 for earlier, later in itertools.pairwise(away))
 
 

@@ -16,7 +16,9 @@ import psutil
 from rich.console import Console
 
 from infoplan.config import Config, DetectorConfig, TerrainConfig
-from infoplan.study.runner import Study, run_study
+from infoplan.draw.progress import listener
+from infoplan.study.runner import run_study
+from infoplan.study.study import Study
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 SABOTEUR = str(Path(__file__).parent / "saboteur")
@@ -46,7 +48,7 @@ def study(config: Config, folder: Path, **options: object) -> tuple[Study, str]:
     """Run a study here; returns it and what it said."""
     console = Console(file=io.StringIO(), width=300)
     config = replace(copy.deepcopy(config), results_dir=str(folder), **options)
-    done = run_study([config], console)
+    done = run_study([config], listener(console))
     return done, console.file.getvalue()
 
 

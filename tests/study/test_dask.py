@@ -17,7 +17,7 @@ from studies import assert_same_numbers, curves, environment, quick, started, st
 
 from infoplan.cli import main
 from infoplan.study import dask_pool
-from infoplan.study.runner import Flight
+from infoplan.study.executor import Flight
 
 
 @contextmanager

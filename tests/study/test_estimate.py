@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 from studies import quick, study
 
+from infoplan.draw.progress import listener
 from infoplan.study import estimate
 from infoplan.study.estimate import (
     GROWTH,
@@ -139,7 +140,7 @@ def test_the_longest_missions_are_started_first(tmp_path):
         replace(quick(), budget=budget, seeds=2, results_dir=str(tmp_path))
         for budget in (130, 190, 160)
     ]
-    plan = plan_study(configs, Console(file=io.StringIO()))
+    plan = plan_study(configs, listener(Console(file=io.StringIO())).say)
 
     def order():
         return [(task.run.config.budget, task.seed, task.number) for task in plan.todo(True)]

@@ -19,14 +19,14 @@ from studies import SABOTEUR, quick, study
 
 from infoplan.analyse import find_missions
 from infoplan.analyse.audit import audit, audit_mission
+from infoplan.analyse.status import look_at_all
 from infoplan.cli import main
 from infoplan.errors import RunError, UsageError
 from infoplan.study import store as stored
 from infoplan.study.columns import values_digest
 from infoplan.study.estimate import learn
-from infoplan.study.identity import identify, run_name, stored_terrains
+from infoplan.study.identity import identify, run_name
 from infoplan.study.records import MisfitError, read_science
-from infoplan.study.status import look_at_all
 from infoplan.study.store import (
     build_tables,
     configuration_path,
@@ -39,6 +39,7 @@ from infoplan.study.store import (
     sealed,
     table_path,
 )
+from infoplan.study.stored_terrains import stored_terrains
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from infoplan.config import Config, CopodConfig, DetectorConfig, GpConfig, MissionConfig
+from infoplan.config import METHODS, Config, CopodConfig, DetectorConfig, GpConfig, MissionConfig
 from infoplan.errors import RunError
 from infoplan.study.identity import config_from_science, identify
 from infoplan.terrain import Terrain
@@ -69,3 +69,27 @@ def test_the_mapping_is_left_as_it_was(volcano):
     before = yaml.safe_dump(science)
     config_from_science(science).planner.iterations = 1
     assert yaml.safe_dump(science) == before
+
+
+@pytest.mark.parametrize("model", ["gp", "student_t"])
+def test_an_option_added_later_leaves_the_name_as_it_was(model, volcano):
+    config = replace(Config(), model=METHODS["model"][model])
+    run = identify(config, volcano)
+    assert "kernel" not in run.science["model"]
+    assert config_from_science(run.science).model.kernel == "squared_exponential"
+    other = identify(replace(config, model=replace(config.model, kernel="matern")), volcano)
+    assert other.science["model"]["kernel"] == "matern"
+    assert other.name != run.name
+
+
+def test_the_name_of_the_default_configuration_is_that_of_0_1_0(volcano):
+    config = Config()
+    config.terrain = replace(config.terrain, name="volcano")
+    assert identify(config, volcano).name == "puct-copod-volcano-rho0.1-batch-9aacda5f"
+
+
+def test_a_stored_kernel_must_be_a_choice(volcano):
+    science = identify(Config(), volcano).science
+    science["model"] = {**science["model"], "kernel": "os"}
+    with pytest.raises(RunError, match="kernel"):
+        config_from_science(science)

@@ -8,6 +8,8 @@ import pytest
 from studies import OPTIONS, curves, quick
 
 import infoplan
+from infoplan import machine as this_machine
+from infoplan import mission_cost
 from infoplan.cli import main
 from infoplan.config import GpConfig, StudentTConfig, seed_list
 from infoplan.errors import UsageError
@@ -19,7 +21,8 @@ GB = 1e9
 @pytest.fixture
 def machine(monkeypatch):
     """Let the machine have 16 GB, all of them free, and 1024 open files."""
-    monkeypatch.setattr(limits, "machine_memory", lambda: 16 * GB)
+    for module in (limits, mission_cost):
+        monkeypatch.setattr(module, "machine_memory", lambda: 16 * GB)
     monkeypatch.setattr(limits, "free_memory", lambda: 16 * GB)
     monkeypatch.setattr(limits.resource, "getrlimit", lambda what: (1024, 4096))
 
@@ -64,14 +67,14 @@ def test_a_long_pilot_is_refused_before_its_path_is_made(machine, capfd, tmp_pat
     ],
 )
 def test_what_users_mean_is_not_refused(changes, machine):
-    limits.check_mission(replace(quick(), **changes))
+    mission_cost.check_mission(replace(quick(), **changes))
 
 
 def test_single_precision_takes_half():
     double, single = (replace(quick(), budget=30_000, model=GpConfig(dtype=dtype))
                       for dtype in ("float64", "float32"))  # fmt: skip
-    assert limits.memory_of(double) == pytest.approx(8 * 30_000**2, rel=0.05)
-    assert limits.memory_of(single) == pytest.approx(4 * 30_000**2, rel=0.05)
+    assert mission_cost.memory_of(double) == pytest.approx(8 * 30_000**2, rel=0.05)
+    assert mission_cost.memory_of(single) == pytest.approx(4 * 30_000**2, rel=0.05)
 
 
 def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, tmp_path):
@@ -91,7 +94,7 @@ def test_a_mission_from_python_is_refused_too(machine, volcano):
 
 def test_workers_are_as_many_as_the_memory_holds(machine, monkeypatch):
     missions = [quick(), replace(quick(), budget=20_000)]
-    each = limits.WORKER_BYTES + limits.memory_of(missions[1])
+    each = mission_cost.WORKER_BYTES + mission_cost.memory_of(missions[1])
     workers, why = limits.affordable_workers(1000, missions)
     assert workers == int(16 * GB / each)
     assert why.startswith(f"{workers} workers instead of 1000: each may take")
@@ -121,8 +124,8 @@ def test_the_limits_of_control_groups_count(monkeypatch, tmp_path):
     both = [("0::/box/inner", "box", "memory.max", "memory.current"),
             ("4:cpu,memory:/box/inner", "memory/box", "memory.limit_in_bytes",
              "memory.usage_in_bytes")]  # fmt: skip
-    monkeypatch.setattr(limits, "CGROUPS", tmp_path)
-    real = limits._lines
+    monkeypatch.setattr(this_machine, "CGROUPS", tmp_path)
+    real = this_machine._lines
     for line, folder, limit, usage in both:
         place = tmp_path / folder
         (place / "inner").mkdir(parents=True)
@@ -131,21 +134,21 @@ def test_the_limits_of_control_groups_count(monkeypatch, tmp_path):
         (place / limit).write_text("3000000000\n")
         (place / usage).write_text("1000000000\n")
         monkeypatch.setattr(
-            limits, "_lines",
+            this_machine, "_lines",
             lambda path, line=line: [line] if path.name == "cgroup" else real(path),
         )  # fmt: skip
-        assert limits.machine_memory() == 3e9
-        assert limits.free_memory() <= 2e9
+        assert this_machine.machine_memory() == 3e9
+        assert this_machine.free_memory() <= 2e9
 
 
 def test_a_day_is_warned_of_and_not_refused():
     assert limits.warning_of_time(3 * 86_400.0, 4) == ""
     assert "about 3.00 days with 1 worker" in limits.warning_of_time(3 * 86_400.0, 1)
-    assert limits.seconds_of(quick()) < 60
+    assert mission_cost.seconds_of(quick()) < 60
     slow = replace(quick(), budget=100_000)
-    assert limits.seconds_of(slow) > 86_400
+    assert mission_cost.seconds_of(slow) > 86_400
     many = replace(quick(), planner=replace(quick().planner, iterations=10**9))
-    assert limits.seconds_of(many) > limits.seconds_of(quick()) + 600
+    assert mission_cost.seconds_of(many) > mission_cost.seconds_of(quick()) + 600
 
 
 def test_a_count_of_seeds_is_no_list():
@@ -171,8 +174,9 @@ def test_estimates_are_near_what_missions_take(options):
     code = """
 import pickle, resource, sys
 from infoplan.api import configure, load_terrain
+from infoplan.study import flight as worker
 from infoplan.study.identity import identify
-from infoplan.study.limits import memory_of
+from infoplan.mission_cost import memory_of
 
 terrain = load_terrain("volcano")
 
@@ -181,7 +185,7 @@ def fly(*options):
     config = configure("terrain=volcano", "detector=none", "planner=random", "grid=[10,10]",
                        "model.pilot_iterations=1", "model.iterations=1", *options)
     run = identify(config, terrain)
-    pickle.dumps(tables_of(run, 0))
+    pickle.dumps(worker.fly(worker.Task(run, 0, 0)).tables)
     return memory_of(config), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 

@@ -7,8 +7,8 @@ import pyarrow.parquet as pq
 import pytest
 from studies import quick, study
 
+from infoplan.study.executor import differences
 from infoplan.study.provenance import provenance
-from infoplan.study.runner import differences
 from infoplan.study.store import sealed
 from infoplan.threads import look_again, one_thread
 

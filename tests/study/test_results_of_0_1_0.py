@@ -9,13 +9,13 @@ from studies import study
 
 from infoplan.analyse import find_missions, find_study, load_curves
 from infoplan.analyse.audit import audit
+from infoplan.analyse.status import look_at_all
 from infoplan.cli import main
 from infoplan.config import METHODS, Config, PilotConfig, TerrainConfig
 from infoplan.draw.figures import draw_figures
 from infoplan.draw.report import write_report
-from infoplan.study.identity import stored_terrains
-from infoplan.study.status import look_at_all
 from infoplan.study.store import list_missions, read_footer, table_path
+from infoplan.study.stored_terrains import stored_terrains
 
 STORED = Path(__file__).parent.parent / "data" / "results-0.1.0"
 REPLAY = "replay-uct-local-volcano-rho0.1-batch-e3cee0be"

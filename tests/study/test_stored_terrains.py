@@ -17,7 +17,8 @@ from infoplan.config import (
     TerrainConfig,
 )
 from infoplan.errors import UsageError
-from infoplan.study.identity import config_from_science, identify, run_name, stored_terrains
+from infoplan.study.identity import config_from_science, identify, run_name
+from infoplan.study.stored_terrains import stored_terrains
 from infoplan.terrain import load_terrain
 
 OWN = "def hill(*, height: float = 3):\n    return [[0, height], [1, 2]]\n"

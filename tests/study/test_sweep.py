@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from functools import partial
 
 import pytest
+from hydra import compose as hydra_compose
 from hydra.errors import HydraException
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -14,11 +15,13 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from studies import OPTIONS, assert_same_numbers, quick, study
 
-from infoplan import hydra_front
 from infoplan.cli import main
 from infoplan.config import Config, DetectorConfig, HelensConfig, MissionConfig
 from infoplan.errors import UsageError
-from infoplan.mission import Mission
+from infoplan.hydra_front.compose import Composer
+from infoplan.hydra_front.explain import explain
+from infoplan.hydra_front.front import compose_and
+from infoplan.hydra_front.overrides import expand
 from infoplan.study.identity import identify
 from infoplan.study.runner import merge_runs
 
@@ -40,7 +43,7 @@ def composed(*arguments: str) -> list[Config]:
         seen.extend(configs)
         return 0, [0.0] * len(configs)
 
-    assert hydra_front.compose_and(act, list(arguments)) == 0
+    assert compose_and(act, list(arguments)) == 0
     return seen
 
 
@@ -128,7 +131,7 @@ def outcome(compose, overrides):
     try:
         return OmegaConf.to_container(compose(overrides))
     except (HydraException, OmegaConfBaseException) as error:
-        return hydra_front.explain(error)
+        return explain(error)
 
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -146,13 +149,13 @@ def test_composing_fast_gives_what_hydra_gives(overrides):
     found = []
 
     def act(configs):
-        compose = hydra_front.Composer("config")
+        compose = Composer("config")
         # The second from memory.
         found.extend(outcome(compose, overrides) for _ in range(2))
-        found.append(outcome(partial(hydra_front.hydra_compose, "config"), overrides))
+        found.append(outcome(partial(hydra_compose, "config"), overrides))
         return 0, [0.0]
 
-    hydra_front.compose_and(act, [])
+    compose_and(act, [])
     assert found[0] == found[1] == found[2]
 
 
@@ -243,7 +246,7 @@ def test_an_experiment_needs_no_more_imports_when_all_is_there(tmp_path):
 def test_hydras_own_launcher_runs_single_configurations(failing, tmp_path, capfd, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if failing:
-        monkeypatch.setattr(Mission, "run", lambda mission: 1 / 0)
+        monkeypatch.setattr("infoplan.mission.explore", lambda *_: 1 / 0)
     options = [
         *OPTIONS,
         "backend=sequential",
@@ -269,7 +272,7 @@ def test_a_launcher_of_other_processes_runs_single_configurations(tmp_path, capf
 
 def test_a_sweeper_gets_the_mean_final_rmse(tmp_path, small):
     done, _ = study(small, tmp_path, seeds=2, backend="sequential")
-    from infoplan.study.summary import final_rmse, stored_curves
+    from infoplan.study.stored_curves import final_rmse, stored_curves
 
     ((run, seeds),) = done.runs
     finals = [curve["rmse"][-1] for curve in stored_curves(done, run, seeds)]
@@ -286,10 +289,10 @@ def test_expand_multiplies_each_line_alone():
     jobs: list[list[str]] = []
 
     def act(configs):
-        jobs.extend(hydra_front.expand(["a=1,2 b=x", "c=\"'p, q'\" ++d=3"], ["b=y"]))
+        jobs.extend(expand(["a=1,2 b=x", "c=\"'p, q'\" ++d=3"], ["b=y"]))
         with pytest.raises(UsageError, match="cannot be read"):
-            hydra_front.expand(["a=1,"], [])
+            expand(["a=1,"], [])
         return 0, [0.0]
 
-    hydra_front.compose_and(act, [])
+    compose_and(act, [])
     assert jobs == [["b=y", "a=1"], ["b=y", "a=2"], ["b=y", "c='p, q'", "++d=3"]]

@@ -1,5 +1,6 @@
 """Maps in .zip archives, and archives that are none, damaged or booby-trapped."""
 
+import errno
 import hashlib
 import io
 import struct
@@ -150,7 +151,7 @@ def test_more_than_is_unpacked(tmp_path):
 def test_a_bomb_that_claims_to_be_small(tmp_path):
     bomb = npy(np.zeros((1000, 1000)))
     path = patched(pack(tmp_path, **{"map.npy": bomb}), 24, 1000)
-    assert "cannot be unpacked, it is damaged" in refusal(path)
+    assert "cannot be unpacked, it is damaged: get it again" in refusal(path)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.2, 0.7, 0.95])
@@ -158,7 +159,7 @@ def test_cut_short(keep, tmp_path):
     path = pack(tmp_path, **{"map.npy": npy(np.random.default_rng(0).normal(size=(30, 30)))})
     content = path.read_bytes()
     path.write_bytes(content[: int(keep * len(content))])
-    assert "cannot be unpacked, it is damaged" in refusal(path)
+    assert "cannot be unpacked, it is damaged: get it again" in refusal(path)
 
 
 def test_changed_bytes(tmp_path):
@@ -166,7 +167,7 @@ def test_changed_bytes(tmp_path):
     content = bytearray(path.read_bytes())
     content[3000] ^= 255
     path.write_bytes(content)
-    assert "cannot be unpacked, it is damaged" in refusal(path)
+    assert "cannot be unpacked, it is damaged: get it again" in refusal(path)
 
 
 def test_encrypted(tmp_path):
@@ -175,7 +176,18 @@ def test_encrypted(tmp_path):
     for header, flag in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
         content[content.index(header) + flag] |= 1
     path.write_bytes(content)
-    assert "cannot be unpacked, it is encrypted" in refusal(path)
+    assert "cannot be unpacked, it is encrypted: unpack it yourself" in refusal(path)
+
+
+def test_a_full_temporary_folder_is_not_blamed_on_the_archive(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = pack(tmp_path, zipfile.ZIP_STORED, **{"map.npy": npy(MAP)})
+    monkeypatch.setattr("shutil.copyfileobj", full)
+    said = refusal(path)
+    assert "make room, or set TMPDIR" in said
+    assert "get it again" not in said
 
 
 def test_names_in_messages_are_harmless(tmp_path):

@@ -78,6 +78,10 @@ def test_what_is_too_large():
         load_terrain("random_field", lengthscale=[1e-300, 5.0])
     with pytest.raises(UsageError, match=r"terrain\.lengthscale=.* too short for a workspace"):
         load_terrain("random_field", lengthscale=[1e-320, 6.0])
+    with pytest.raises(UsageError, match=r"terrain\.lengthscale=.* too short for a workspace"):
+        load_terrain("random_field", lengthscale=[0.001, 1000.0])  # 137 000 waves along x
+    with pytest.raises(UsageError, match=r"terrain\.shape=\[2, 9000000\] .* ask for fewer"):
+        load_terrain("random_field", lengthscale=[6.0, 6.0], shape=[2, 9_000_000])
     assert load_terrain("random_field", lengthscale=[0.05, 0.05], shape=[9, 9]).elevation.std() > 0
 
 

@@ -10,8 +10,8 @@ from hypothesis.extra import numpy as hnp
 from scipy.interpolate import RegularGridInterpolator
 
 from infoplan.errors import UsageError
+from infoplan.extent import query_grid
 from infoplan.terrain import Terrain, load_terrain
-from infoplan.terrain.surface import query_grid
 
 RAMP = np.add.outer(100.0 * np.arange(3), np.arange(5))  # rises by 100 a row, by 1 a column
 

@@ -5,12 +5,6 @@ every number out again in its own slow and plain way. It shares no code with the
 made there cannot repeat itself here.
 """
 
-from infoplan.analyse.audit.findings import (
-    Finding,
-    audit,
-    audit_mission,
-    print_findings,
-    render,
-)
+from infoplan.analyse.audit.findings import Finding, audit, audit_mission
 
-__all__ = ["Finding", "audit", "audit_mission", "print_findings", "render"]
+__all__ = ["Finding", "audit", "audit_mission"]

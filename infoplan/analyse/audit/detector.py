@@ -5,7 +5,7 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter
 
 from infoplan.analyse.audit import repeat
-from infoplan.analyse.audit.model import kernel, noise_factor, scaled_samples, spans
+from infoplan.analyse.audit.model import noise_factor, reference_kernel, scaled_samples, spans
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
@@ -111,7 +111,7 @@ def _judge(
         state = mission.curves.iloc[epoch - 1]  # the model has not seen the batch
         noise = state["noise_std"] ** 2 * noise_factor(mission) + state["jitter"]
         return repeat.gp_residuals(
-            x[:n], y[:n], kernel(state), noise, candidates, judged,
+            x[:n], y[:n], reference_kernel(mission, state), noise, candidates, judged,
             float(mission.option("detector.threshold")),
             bool(mission.option("detector.one_by_one")),
         )  # fmt: skip

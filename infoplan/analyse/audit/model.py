@@ -8,7 +8,7 @@ import pandas as pd
 from scipy import stats
 from scipy.interpolate import RegularGridInterpolator
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+from sklearn.gaussian_process.kernels import ConstantKernel
 
 from infoplan.analyse.audit import repeat
 from infoplan.analyse.audit.stored import (
@@ -22,6 +22,8 @@ from infoplan.analyse.audit.stored import (
     demand,
     demand_close,
 )
+from infoplan.model.kernels import as_kernel
+from infoplan.model.theta import names_of
 
 PRECISION = {"float64": 1e-6, "float32": 3e-3}
 """Relative difference allowed to a prediction, by the precision of the model's matrices."""
@@ -38,7 +40,10 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
         return Partial("", OWN)
     curves = mission.curves
     floor = float(mission.option("model.min_noise_variance"))
-    names = ["amplitude", "lengthscale_1", "lengthscale_2", "noise_std"]
+    kernel = as_kernel(mission.option("model.kernel"))
+    names = names_of(kernel)
+    if absent := [name for name in names if name not in curves]:
+        raise FaultError(f"the curves have no column {absent[0]}")
     demand(
         (curves[names] > 0).all(axis=1).to_numpy(),
         lambda e: f"a hyperparameter of epoch {e} is not positive",
@@ -54,8 +59,11 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
     )
     if mission.option("model.pilot_iterations") == 0:
         untouched = curves if mission.option("model.iterations") == 0 else curves[:1]
-        for name, start in zip(names, ["amplitude", "lengthscale", "lengthscale"], strict=False):
-            expected = float(mission.option(f"model.{start}"))
+        amplitude, lengthscale = (
+            float(mission.option(f"model.{start}")) for start in ("amplitude", "lengthscale")
+        )
+        own = [lengthscale if one.start is None else one.start for one in kernel.hyperparameters]
+        for name, expected in zip(names, [amplitude, *own], strict=False):
             values = untouched[name].to_numpy()
             demand_close(f"{name} of untrained epoch", values, expected, ROUNDING * expected)
     last = curves.iloc[-1]
@@ -81,7 +89,9 @@ def _fit(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floa
     """
     state = mission.curves.iloc[row]
     model = GaussianProcessRegressor(
-        kernel(state), alpha=state["noise_std"] ** 2 + state["jitter"], optimizer=None
+        reference_kernel(mission, state),
+        alpha=state["noise_std"] ** 2 + state["jitter"],
+        optimizer=None,
     )
     x, y = scaled_samples(mission)
     model.fit(x[: len(used)][used], y[: len(used)][used])
@@ -105,8 +115,9 @@ def _fit_student_t(
     )  # fmt: skip
     start = (surface(mission.x[: len(used)][used][:, ::-1]) - centre) / scale
     mean, std, lml = repeat.student_t(
-        x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps), kernel(state),
-        state["noise_std"], float(mission.option("model.dof")), state["jitter"], start,
+        x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps),
+        reference_kernel(mission, state), state["noise_std"], float(mission.option("model.dof")),
+        state["jitter"], start,
     )  # fmt: skip
     return centre + scale * mean, scale * std, lml
 
@@ -133,10 +144,11 @@ def scaled_samples(mission: StoredMission) -> tuple[Floats, Floats]:
     ) / scale
 
 
-def kernel(state: "pd.Series[Any]") -> Any:
-    """Kernel with the hyperparameters of a row of the curve."""
-    lengthscales = [state["lengthscale_1"], state["lengthscale_2"]]
-    return ConstantKernel(state["amplitude"] ** 2, "fixed") * RBF(lengthscales, "fixed")
+def reference_kernel(mission: StoredMission, state: "pd.Series[Any]") -> Any:
+    """Kernel with the hyperparameters of a row of the curve, as scikit-learn has it."""
+    kernel = as_kernel(mission.option("model.kernel"))
+    own = kernel.reference({name: float(state[name]) for name in names_of(kernel)})
+    return ConstantKernel(state["amplitude"] ** 2, "fixed") * own
 
 
 def noise_factor(mission: StoredMission) -> float:

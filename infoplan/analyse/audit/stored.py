@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.errors import RunError
+from infoplan.study.identity import ADDED_LATER
 from infoplan.study.records import Footer, MisfitError, read_science
 from infoplan.study.store import configuration_path, open_table, present_tables
 
@@ -29,6 +30,12 @@ ROUNDING = 1e-9
 
 Epochs = int | list[int] | None
 """Which epochs' models are recomputed: a number, evenly spread, a list, or all."""
+
+Judgements = list[tuple[Floats, Booleans] | None]
+"""Scores and flags of the samples so far, as they stood after each epoch, if known."""
+
+Judge = Callable[["StoredMission"], Judgements]
+"""Repeats the detector of a mission."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,8 @@ class StoredMission:
     run: str
     seed: int
     terrains: Mapping[str, NDArray[Any]]
-    epochs: Epochs = None
+    epochs: Epochs
+    judge: Judge
 
     @property
     def curves(self) -> pd.DataFrame:
@@ -76,6 +84,8 @@ class StoredMission:
         value: Any = self.configuration
         for key in name.split("."):
             if not isinstance(value, Mapping) or key not in value:
+                if name in ADDED_LATER:
+                    return ADDED_LATER[name]
                 raise FaultError(f"the run's YAML has no {name}")
             value = value[key]
         return value
@@ -120,11 +130,9 @@ class StoredMission:
         return ROUNDING * max(1.0, float(np.abs(self.maps["truth"]).max()))
 
     @cached_property
-    def judgements(self) -> list[tuple[Floats, Booleans] | None]:
+    def judgements(self) -> Judgements:
         """Scores and flags of the samples so far as they stood after each epoch, if known."""
-        from infoplan.analyse.audit.detector import replay_detector
-
-        return replay_detector(self)
+        return self.judge(self)
 
 
 def read_mission(
@@ -132,7 +140,8 @@ def read_mission(
     run: str,
     seed: int,
     terrains: Mapping[str, NDArray[Any]],
-    epochs: Epochs = None,
+    epochs: Epochs,
+    judge: Judge,
 ) -> StoredMission:
     """Read the YAML and the tables of a mission; the values' digest is a check of its own."""
     try:
@@ -148,7 +157,7 @@ def read_mission(
         tables[name] = table.to_pandas()
     return StoredMission(
         configuration, tables, footers=footers, digests=digests, run=run, seed=seed,
-        terrains=terrains, epochs=epochs,
+        terrains=terrains, epochs=epochs, judge=judge,
     )  # fmt: skip
 
 

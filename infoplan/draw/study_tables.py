@@ -1,8 +1,5 @@
 """The tables around a study: what would run, and what came out."""
 
-import os
-import shutil
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,43 +9,16 @@ from rich.console import Console
 from infoplan.analyse.statistics import bootstrap_mean
 from infoplan.analyse.tables import Options, differing, flatten, option_text
 from infoplan.config import Config
-from infoplan.draw.table_layout import UNLIMITED, WHOLE, Column, PlainConsole, print_table, say
+from infoplan.draw.console import say
+from infoplan.draw.table_layout import WHOLE, Column, print_table
 from infoplan.draw.terminal import small_curves, takes_braille
 from infoplan.methods import method_label
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
-from infoplan.study.runner import Study
-from infoplan.study.store import read_table
+from infoplan.study.stored_curves import StoredCurve, stored_curves
+from infoplan.study.study import Study
 from infoplan.wording import counted, figure, harmless, interval
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A stored learning curve: its columns as arrays."""
-
-    columns: dict[str, NDArray[Any]]
-
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        return self.columns[name]
-
-    @property
-    def seconds(self) -> float:
-        """Seconds of planning, fitting, predicting and detecting."""
-        return float(sum(self[name].sum() for name in self.columns if name.endswith("_seconds")))
-
-
-def wide_console() -> Console:
-    """Return the console of a command, which prints text as it is.
-
-    Its width is the terminal's, or what the environment variable COLUMNS says; in a pipe it is
-    unlimited.
-    """
-    terminal = Console().is_terminal
-    width = shutil.get_terminal_size((80 if terminal else UNLIMITED, 24)).columns
-    # A width of its own keeps a display from following the terminal's.
-    follows = terminal and not Console().is_dumb_terminal and "COLUMNS" not in os.environ
-    return PlainConsole(highlight=False, width=None if follows else width)
 
 
 def print_summary(study: Study, console: Console) -> None:
@@ -97,25 +67,6 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
         say(console, _estimate(study, config, [kind_of(task.run.science) for task in todo]))
 
 
-def final_rmse(study: Study) -> list[float]:
-    """Mean final RMSE over the seeds of each configuration; NaN where no seed is done."""
-    finals = {}
-    for run, seeds in study.runs:
-        curves = stored_curves(study, run, seeds)
-        finals[run.name] = float(np.mean([curve["rmse"][-1] for curve in curves] or [np.nan]))
-    return [finals[name] for name in study.names]
-
-
-def stored_curves(study: Study, run: Run, seeds: list[int]) -> list[Curve]:
-    """Read the learning curves of the missions of a run that are done: kept, or flown now."""
-    curves = []
-    for seed in [seed for seed in seeds if (run.name, seed) in study.done]:
-        table = read_table(study.results_dir, "curves", run.name, seed)
-        columns = {name: table[name].to_numpy() for name in table.column_names}
-        curves.append(Curve(columns))
-    return curves
-
-
 def label(run: Run) -> str:
     """Label a run by method, map and rho, and by the hash that its name ends in: three lines."""
     config = run.config
@@ -156,7 +107,9 @@ def spans(numbers: list[int]) -> str:
     return ", ".join("-".join(map(str, part)) for part in parts)
 
 
-def _print_closing_table(study: Study, curves: dict[str, list[Curve]], console: Console) -> None:
+def _print_closing_table(
+    study: Study, curves: dict[str, list[StoredCurve]], console: Console
+) -> None:
     runs = [run for run, _ in study.runs]
     budgets = {run.config.budget for run in runs}
     pilot = min(run.config.pilot.samples / run.config.budget for run in runs)
@@ -185,7 +138,7 @@ def _print_closing_table(study: Study, curves: dict[str, list[Curve]], console: 
     print_table(console, title, columns, rows)
 
 
-def _cells(run: Run, seeds: list[int], curves: list[Curve], shares: list[float]) -> list[str]:
+def _cells(run: Run, seeds: list[int], curves: list[StoredCurve], shares: list[float]) -> list[str]:
     count = str(len(seeds)) if len(curves) == len(seeds) else f"{len(curves)} of {len(seeds)}"
     if not curves:
         return [count, *[""] * (len(shares) + 4)]
@@ -221,7 +174,7 @@ def _estimate(study: Study, config: Config, kinds: list[Any]) -> str:
     )
 
 
-def _counted(run: Run, curve: Curve, key: str) -> int:
+def _counted(run: Run, curve: StoredCurve, key: str) -> int:
     """Count over the mission: batch scope adds up the epochs, historical judges all at the end."""
     historical = run.config.detector.scope == "historical"
     return int(curve[key][-1] if historical else curve[key].sum())

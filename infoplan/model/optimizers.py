@@ -5,35 +5,12 @@ from contextlib import suppress
 
 import numpy as np
 
+from infoplan.model.theta import Bounds
+
 Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
-# Wide enough for any sensible model; inside, every entry of the covariance is a normal float.
-_SMALLEST, _LARGEST = 1e-6, 1e6
-_SMALLEST_NOISE, _LARGEST_NOISE = 1e-20, 1e12
-# Logarithm of the largest lengthscale that L-BFGS visits.
-_FLAT = np.log(10.0)
 # How far L-BFGS moves a logarithm on new data: a factor of 20, either way.
 _REACH = 3.0
-
-
-def bounds(min_noise_variance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds of theta = (log alpha, log l_1, log l_2, log sigma^2).
-
-    Parameters
-    ----------
-    min_noise_variance : float
-        Floor of sigma^2, scaled units. Below 1e-20 it counts as 1e-20, whose logarithm is finite.
-
-    Returns
-    -------
-    lower, upper : ndarrays of shape (4,)
-        The amplitude and the lengthscales lie in [1e-6, 1e6], sigma^2 ends at 1e12 or at a floor
-        above it.
-    """
-    floor = max(min_noise_variance, _SMALLEST_NOISE)
-    lower = [_SMALLEST, _SMALLEST, _SMALLEST, floor]
-    upper = [_LARGEST, _LARGEST, _LARGEST, max(floor, _LARGEST_NOISE)]
-    return np.log(lower), np.log(upper)
 
 
 def _is_usable(value: float, gradient: np.ndarray) -> bool:
@@ -56,16 +33,15 @@ class Adam:
     def __init__(self, learning_rate: float) -> None:
         self._learning_rate = learning_rate
         self._steps = 0
-        self._mean = np.zeros(4)
-        self._square = np.zeros(4)
+        self._mean = np.zeros(())  # of any shape from the first step on
+        self._square = np.zeros(())
 
     def ascend(
         self,
         evaluate: Evaluate,
         theta: np.ndarray,
         iterations: int,
-        lower: np.ndarray,
-        upper: np.ndarray,
+        bounds: Bounds,
     ) -> np.ndarray:
         """Take ``iterations`` steps, one evaluation each.
 
@@ -73,16 +49,16 @@ class Adam:
         ----------
         evaluate : callable
             Maps theta to the likelihood and its gradient.
-        theta : ndarray of shape (4,)
+        theta : ndarray of shape (k,)
             Where to start.
         iterations : int
             Number of steps.
-        lower, upper : ndarrays of shape (4,)
-            Bounds that theta is clipped to after each step.
+        bounds : Bounds
+            Theta is clipped to them after each step.
 
         Returns
         -------
-        ndarray of shape (4,)
+        ndarray of shape (k,)
             Theta after the last step. A value or gradient that is not finite ends the ascent at
             the last theta where they were finite.
         """
@@ -98,7 +74,7 @@ class Adam:
             mean = self._mean / (1.0 - self.beta1**self._steps)
             square = self._square / (1.0 - self.beta2**self._steps)
             step = self._learning_rate * mean / (np.sqrt(square) + self.epsilon)
-            theta = np.clip(theta + step, lower, upper)
+            theta = np.clip(theta + step, bounds.lower, bounds.upper)
         return theta
 
 
@@ -111,14 +87,14 @@ class Lbfgs:
 
     Each call minimises over theta divided by the square roots of the diagonal of the inverse
     Hessian that the calls before have seen, so that the first step of an epoch has the right
-    length. Lengthscales stay within 10 scaled units (five times the pilot's bounding box): beyond,
-    the likelihood is flat to rounding, and a long step would never come back. For the same reason
+    length. Lengthscales stay where the likelihood is not flat to rounding (`Bounds.flat`), from
+    where a long step would never come back. For the same reason
     calls after the first move no hyperparameter by more than a factor of 20: on an epoch's first
     spikes a step may lead to where all is noise.
     """
 
     def __init__(self) -> None:
-        self._scale = np.ones(4)
+        self._scale: np.ndarray | None = None
         self._reach = np.inf
 
     def ascend(
@@ -126,8 +102,7 @@ class Lbfgs:
         evaluate: Evaluate,
         theta: np.ndarray,
         iterations: int,
-        lower: np.ndarray,
-        upper: np.ndarray,
+        bounds: Bounds,
     ) -> np.ndarray:
         """Maximise with at most ``iterations`` evaluations.
 
@@ -135,26 +110,26 @@ class Lbfgs:
         ----------
         evaluate : callable
             Maps theta to the likelihood and its gradient.
-        theta : ndarray of shape (4,)
+        theta : ndarray of shape (k,)
             Where to start; clipped to the bounds.
         iterations : int
             Most evaluations of the likelihood and its gradient. Fewer are made once it converges.
-        lower, upper : ndarrays of shape (4,)
-            Bounds.
+        bounds : Bounds
+            The likelihood is not evaluated beyond them.
 
         Returns
         -------
-        ndarray of shape (4,)
+        ndarray of shape (k,)
             The best theta evaluated. A value or gradient that is not finite ends the ascent.
         """
         # Its import would cost a mission with Adam a tenth of a second and 20 MiB.
         from scipy.optimize import minimize
 
-        upper = np.minimum(upper, [np.inf, _FLAT, _FLAT, np.inf])
-        start = np.clip(theta, lower, upper)
-        lower = np.maximum(lower, start - self._reach)
+        upper = np.minimum(bounds.upper, bounds.flat)
+        start = np.clip(theta, bounds.lower, upper)
+        lower = np.maximum(bounds.lower, start - self._reach)
         upper = np.minimum(upper, start + self._reach)
-        scale = self._scale
+        scale = np.ones(theta.shape) if self._scale is None else self._scale
         seen: list[tuple[float, np.ndarray, np.ndarray]] = []
 
         def objective(scaled: np.ndarray) -> tuple[float, np.ndarray]:
@@ -195,6 +170,6 @@ def _curvature_scale(
         step, change = points[k] - points[k - 1], gradients[k - 1] - gradients[k]
         curvature = step @ change
         if curvature > 1e-10 * np.linalg.norm(step) * np.linalg.norm(change):
-            left = np.eye(4) - np.outer(step, change) / curvature
+            left = np.eye(len(step)) - np.outer(step, change) / curvature
             inverse = left @ inverse @ left.T + np.outer(step, step) / curvature
     return np.clip(np.sqrt(np.diag(inverse)), 1e-3, 10.0)

@@ -1,25 +1,23 @@
-"""What a person sees while missions run: a live display, or plain lines without a terminal.
-
-The pool tells how far its workers are (`Display.report`).
-"""
+"""What a person sees while missions run: a live display, or plain lines without a terminal."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from rich.console import Console
 from rich.live import Live
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
 from rich.text import Text
 
-from infoplan.study.estimate import Clock, Kind, Pace, duration, wall_seconds
+from infoplan.output import complain
+from infoplan.study.estimate import Clock, Kind, Pace, duration, kind_of, wall_seconds
+from infoplan.study.flight import COMPILING, Task
+from infoplan.study.listening import Listener, Tone
 from infoplan.wording import figure, harmless
 
-Report = Callable[[int, int, float | None], None]
-"""Takes the number of a mission, the samples that it has collected, and its RMSE."""
-
-COMPILING = -1
-"""Number that a worker reports instead of a mission's while it compiles the kernels."""
+STYLES: dict[Tone, str] = {"note": "", "warning": "yellow", "alarm": "bold yellow"}
+"""Rich's style of a sentence."""
 
 STEPS = 1000
 """Length of a full bar."""
@@ -173,9 +171,16 @@ class Display:
         self.lines[mission].state = "waiting"
         self.lines[mission].collected = 0
 
-    def say(self, text: str, style: str = "") -> None:
+    def say(self, text: str, tone: Tone = "note") -> None:
         """Print a line above the display."""
-        self.console.print(Text(text, style=style), soft_wrap=True)
+        self._print(text, STYLES[tone])
+
+    def overhear(self, text: str) -> None:
+        """Pass on what a worker has written to its standard error."""
+        complain(text)
+
+    def _print(self, text: str, style: str) -> None:
+        print_line(self.console, text, style)
         self.last_line = time.monotonic()
 
     def left(self) -> float | None:
@@ -201,7 +206,7 @@ class Display:
     def _say_of(self, line: Line, text: str, style: str = "") -> None:
         over = sum(line.state == "over" for line in self.lines)
         left = "" if self.live else self._time_left()
-        self.say(f"[{over}/{len(self.lines)}] {line.label}  {text}{left}", style)
+        self._print(f"[{over}/{len(self.lines)}] {line.label}  {text}{left}", style)
 
     def _time_left(self) -> str:
         left = self.left()
@@ -230,6 +235,28 @@ class Display:
         return progress
 
 
+def listener(console: Console) -> Listener:
+    """Let a person follow a study on a console."""
+
+    def say(text: str, tone: Tone) -> None:
+        print_line(console, text, STYLES[tone])
+
+    def follow(tasks: Sequence[Task], pace: Pace, kept: int) -> Display:
+        lines = [
+            Line(task.label, task.run.terrain.unit, task.run.config.budget,
+                 kind_of(task.run.science))
+            for task in tasks
+        ]  # fmt: skip
+        return Display(lines, pace, 1, kept, console)
+
+    return Listener(say, follow)
+
+
+def print_line(console: Console, text: str, style: str) -> None:
+    """Print a line that the console does not break."""
+    console.print(Text(text, style=style), soft_wrap=True)
+
+
 class _Note(ProgressColumn):
-    def render(self, task: Task) -> Text:
+    def render(self, task: Any) -> Text:
         return Text(task.fields["note"])

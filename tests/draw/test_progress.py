@@ -5,9 +5,10 @@ import io
 import pytest
 from rich.console import Console
 
-from infoplan.study import progress
+from infoplan.draw import progress
+from infoplan.draw.progress import Display, Line
 from infoplan.study.estimate import Kind, Pace
-from infoplan.study.progress import COMPILING, Display, Line
+from infoplan.study.flight import COMPILING
 
 
 def display(terminal: bool = False, pace: Pace | None = None, skipped: int = 3) -> Display:

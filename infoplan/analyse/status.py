@@ -1,24 +1,13 @@
-"""``infoplan status``: what of a study, or of all stored runs, is done, failed, missing."""
+"""What of a study, or of all stored runs, is done, failed, missing."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich.console import Console
-
 from infoplan.analyse.tables import Options, differing, flatten
-from infoplan.config import Config
-from infoplan.draw.table_layout import WHOLE, Column, print_table, say
 from infoplan.errors import UsageError
-from infoplan.study.estimate import duration
 from infoplan.study.locks import list_held
 from infoplan.study.records import Footer
-from infoplan.study.run_names import choose_run
-from infoplan.study.runner import check_study, identify_study
 from infoplan.study.store import inspect, list_failures, list_foreign, list_missions
-from infoplan.study.summary import option_cells, spans, wide_console
-from infoplan.wording import figure
 
 
 @dataclass
@@ -70,64 +59,6 @@ class Status:
     results_dir: str
     runs: list[RunStatus]
     problems: list[str]
-
-
-def status(
-    results_dir: Path,
-    overrides: Sequence[str] = (),
-    *,
-    run: str | None = None,
-    as_json: bool = False,
-) -> int:
-    """Run ``infoplan status``.
-
-    Parameters
-    ----------
-    results_dir
-        The folder of the tables.
-    overrides
-        As of ``infoplan run -m``: the study that is looked at. Without any, all stored runs are,
-        with the seeds of all of them as those wanted of each.
-    run
-        One stored run, as `infoplan.study.run_names` finds it.
-    as_json
-        Write it for scripts.
-
-    Returns
-    -------
-    int
-        0, whatever is done or missing.
-
-    Raises
-    ------
-    UsageError
-        If there is no such folder, no such run, or the overrides are wrong.
-    """
-    if not overrides:
-        found = look_at_all(results_dir)
-        if run is not None:
-            name = choose_run(run, [one.run for one in found.runs], str(results_dir))
-            found.runs = [one for one in found.runs if one.run == name]
-            found.problems = [problem for problem in found.problems if name in problem]
-        _print(found, as_json)
-        return 0
-    if run is not None:
-        raise UsageError(
-            f"run={run} and {overrides[0]} ask for two things: name a stored run, or describe a "
-            "study"
-        )
-    from infoplan.hydra_front import compose_and
-
-    def act(configs: list[Config]) -> tuple[int, list[float]]:
-        check_study(configs)
-        # A warning about the map would not be JSON.
-        study = identify_study(configs, Console(stderr=True) if as_json else wide_console())
-        wanted = {run.name: seeds for run, seeds in study.runs}
-        options = {run.name: flatten(run.science) for run, _ in study.runs}
-        _print(look(study.results_dir, wanted, options), as_json)
-        return 0, [float("nan")] * len(configs)
-
-    return compose_and(act, ["-m", *overrides])
 
 
 def look_at_all(results_dir: Path) -> Status:
@@ -203,44 +134,3 @@ def _add_times(state: RunStatus, footer: Footer) -> None:
     state.first = min(state.first or footer.started, footer.started)
     state.last = max(state.last or footer.ended, footer.ended)
     state.seconds += footer.seconds
-
-
-def _print(found: Status, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(asdict(found), indent=2))
-        return
-    console = wide_console()
-    if found.runs:
-        _print_table(found, console)
-    else:
-        say(console, f"there is no run in {found.results_dir} yet")
-    for problem in found.problems:
-        say(console, problem, style="yellow")
-
-
-def _print_table(found: Status, console: Console) -> None:
-    rare = [name for name in ("failed", "running", "broken")
-            if any(getattr(run, name) for run in found.runs)]  # fmt: skip
-    kept = ["done", *rare, "missing"]
-    apart = list(dict.fromkeys(name for run in found.runs for name in run.options))
-    columns = [
-        Column("run", least=WHOLE),
-        *(Column(name, right=True) for name in apart),
-        *(
-            Column(
-                name, right=True, empty="none", style="red" if name in ("failed", "broken") else ""
-            )
-            for name in kept
-        ),
-        Column("last (UTC)", right=True, spare=1),
-        Column("s a seed", right=True, spare=2),
-        Column("in all", right=True, spare=3),
-    ]
-    rows = []
-    for run in found.runs:
-        mean = figure(run.seconds / len(run.done)) if run.done else ""
-        ended = run.last[:16].replace("T", " ") if run.last else ""
-        rows.append([run.run, *option_cells(run.options, apart).values(),
-                     *(spans(getattr(run, name)) for name in kept), ended, mean,
-                     duration(run.seconds) if run.done else ""])  # fmt: skip
-    print_table(console, f"runs in {found.results_dir}", columns, rows)

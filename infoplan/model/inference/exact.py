@@ -1,22 +1,17 @@
-"""The log marginal likelihood, its gradient and the prediction, in one packed buffer.
+"""Exact inference under Gaussian noise, in one packed buffer.
 
-Hyperparameters are a vector theta = (log alpha, log l_1, log l_2, log sigma^2) in scaled units;
-the covariance of the observations is K_y = K + (sigma^2 + jitter) I.
+The covariance of the observations is K_y = K + (sigma^2 + jitter) I.
 """
-
-from typing import Any
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
 from infoplan.errors import RunError
-from infoplan.model.kernel import (
-    append_rows,
-    diagonal,
-    fill_covariance,
-    fill_cross_covariance,
-    gradient_sums,
-)
+from infoplan.model.covariance import passes_of
+from infoplan.model.kernel import Kernel
+from infoplan.model.kernels import as_kernel
+from infoplan.model.packed import append_rows, diagonal
+from infoplan.model.theta import gradient_of, not_factorised, parameters_of
 
 # Where a jitter of zero starts to grow.
 _FIRST_JITTER = 1e-10
@@ -24,8 +19,10 @@ _FIRST_JITTER = 1e-10
 _BLOCK = 512
 
 
-class Likelihood:
-    """Log marginal likelihood of some data as a function of the hyperparameters.
+class ExactInference:
+    """Log marginal likelihood of some data, its gradient and the predictive distribution.
+
+    All are functions of theta (`infoplan.model.theta`).
 
     One packed buffer holds in turn K_y, its Cholesky factor and its inverse. The factor is kept
     for as long as the hyperparameters stay: it serves a prediction after a likelihood, and grows
@@ -33,6 +30,8 @@ class Likelihood:
 
     Parameters
     ----------
+    kernel : Kernel
+        Of the latent function.
     jitter : float
         Added to the noise variance, in every factorisation. A factorisation that fails is tried
         again with ten times as much, until it succeeds or the jitter exceeds alpha^2 + sigma^2,
@@ -46,7 +45,8 @@ class Likelihood:
         What the last factorisation used.
     """
 
-    def __init__(self, jitter: float, dtype: str = "float64") -> None:
+    def __init__(self, kernel: Kernel, jitter: float, dtype: str = "float64") -> None:
+        self._kernel, self._passes = kernel, passes_of(kernel)
         self.jitter = jitter
         self._configured_jitter = jitter
         self._x = np.empty((2, 0))
@@ -80,12 +80,12 @@ class Likelihood:
         self._x, self._y = x, y
         self._weights = None
 
-    def value(self, theta: np.ndarray) -> float:
+    def lml(self, theta: np.ndarray) -> float:
         """Log marginal likelihood (the paper's eq. `log_marginal_likelihood`).
 
         Parameters
         ----------
-        theta : ndarray of shape (4,)
+        theta : ndarray of shape (k,)
             Log hyperparameters.
 
         Returns
@@ -99,43 +99,37 @@ class Likelihood:
             misfit = 0.5 * (self._y @ weights)
         return float(-misfit - log_diagonal.sum() - 0.5 * self.n_data * np.log(2.0 * np.pi))
 
-    def value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+    def lml_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
         """Log marginal likelihood and its gradient (Rasmussen & Williams, eq. 5.9).
 
         Parameters
         ----------
-        theta : ndarray of shape (4,)
+        theta : ndarray of shape (k,)
             Log hyperparameters.
 
         Returns
         -------
         value : float
             The likelihood in nats.
-        gradient : ndarray of shape (4,)
+        gradient : ndarray of shape (k,)
             Its derivatives by theta.
         """
-        value = self.value(theta)
+        value = self.lml(theta)
         if self.n_data == 0:
-            return value, np.zeros(4)
+            return value, np.zeros_like(theta)
         weights = self._solve(theta)
         self._theta = None  # the inverse takes the factor's place
         inverse, _ = self._pftri(self.n_data, self._packed(), uplo="L", overwrite_a=1)
-        variance, rates, noise = parameters(theta)
-        pairs, first, second, trace = gradient_sums(self._x, rates, weights, inverse)
-        gradient = [
-            variance * (2.0 * pairs + trace),
-            2.0 * variance * first,
-            2.0 * variance * second,
-            0.5 * noise * trace,
-        ]
-        return value, np.array(gradient)
+        variance, constants, noise = parameters_of(self._kernel, theta)
+        sums, trace = self._passes.gradient_sums(self._x, constants, weights, inverse)
+        return value, gradient_of(variance, sums, trace, 0.5 * noise * trace)
 
     def predict(self, theta: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predictive mean and latent variance (Rasmussen & Williams, Algorithm 2.1).
 
         Parameters
         ----------
-        theta : ndarray of shape (4,)
+        theta : ndarray of shape (k,)
             Log hyperparameters.
         x : ndarray of shape (2, m)
             Scaled query inputs.
@@ -146,7 +140,7 @@ class Likelihood:
             In scaled units. The variance is at least alpha^2 times the machine epsilon of the
             dtype, which is the rounding of the difference that gives it.
         """
-        variance, rates, _ = parameters(theta)
+        variance, constants, _ = parameters_of(self._kernel, theta)
         means = np.zeros(x.shape[1])
         variances = np.full(x.shape[1], variance)
         if self.n_data:
@@ -157,7 +151,7 @@ class Likelihood:
                 part = np.ascontiguousarray(x[:, start : start + _BLOCK])
                 block = slice(start, start + part.shape[1])
                 cross = scratch[: part.shape[1]]
-                fill_cross_covariance(part, self._x, rates, variance, cross)
+                self._passes.fill_cross(part, self._x, constants, variance, cross)
                 means[block] = cross @ weights
                 solved = self._tfsm(1.0, factor, cross.T, uplo="L", overwrite_b=1).T
                 variances[block] -= np.einsum("ij,ij->i", solved, solved)
@@ -169,7 +163,7 @@ class Likelihood:
 
         Parameters
         ----------
-        theta : ndarray of shape (4,)
+        theta : ndarray of shape (k,)
             Log hyperparameters.
 
         Returns
@@ -216,31 +210,35 @@ class Likelihood:
         if self._buffer.size < _packed_size(self.n_data):
             self._buffer = np.empty(_packed_size(self.n_data), dtype=self._buffer.dtype)
         self.jitter = self._configured_jitter
-        variance, _, noise = parameters(theta)
+        variance, _, noise = parameters_of(self._kernel, theta)
         largest = float(np.finfo(self._buffer.dtype).max)
         while not self._build_and_factorise(theta):
             if not self.jitter <= variance + noise < largest:
-                raise RunError(not_factorised("Gaussian process", theta, self._buffer.dtype))
+                raise RunError(
+                    not_factorised("Gaussian process", self._kernel, theta, self._buffer.dtype)
+                )
             self.jitter = max(10.0 * self.jitter, _FIRST_JITTER)
         self._theta, self._rows = theta.copy(), self.n_data
 
     def _build_and_factorise(self, theta: np.ndarray) -> bool:
         """Factorise K_y with the present jitter; tell whether that succeeded."""
-        variance, rates, noise = parameters(theta)
+        variance, constants, noise = parameters_of(self._kernel, theta)
         packed = self._packed()
-        fill_covariance(self._x, rates, variance, variance + noise + self.jitter, packed)
+        on_diagonal = variance + noise + self.jitter
+        self._passes.fill(self._x, constants, variance, on_diagonal, packed)
         return self._cholesky(self.n_data, packed)
 
     def _grow(self, theta: np.ndarray) -> bool:
         """Append the new data's rows to the factor; tell whether that succeeded."""
-        variance, rates, noise = parameters(theta)
+        variance, constants, noise = parameters_of(self._kernel, theta)
         old, new = self._rows, self.n_data - self._rows
         x_old, x_new = np.ascontiguousarray(self._x[:, :old]), self._x[:, old:].copy()
         dtype = self._buffer.dtype
         above = np.empty((old, new), dtype=dtype)
         corner = np.empty(_packed_size(new), dtype=dtype)
-        fill_cross_covariance(x_old, x_new, rates, variance, above)
-        fill_covariance(x_new, rates, variance, variance + noise + self.jitter, corner)
+        self._passes.fill_cross(x_old, x_new, constants, variance, above)
+        on_diagonal = variance + noise + self.jitter
+        self._passes.fill(x_new, constants, variance, on_diagonal, corner)
         factor = self._buffer[: _packed_size(old)]
         left = self._tfsm(1.0, factor, above.T, side="R", uplo="L", trans="T", overwrite_b=1)
         corner = self._sfrk(new, old, -1.0, left, 1.0, corner, uplo="L", overwrite_c=1)
@@ -264,33 +262,12 @@ def _packed_size(n: int) -> int:
     return n * (n + 1) // 2
 
 
-def parameters(theta: np.ndarray) -> tuple[float, np.ndarray, float]:
-    """Return alpha^2, 1 / (2 l_d^2) and sigma^2 of a vector of log hyperparameters."""
-    with np.errstate(over="ignore"):  # infinite ones are told by the factorisation
-        return (
-            float(np.exp(2.0 * theta[0])),
-            0.5 * np.exp(-2.0 * theta[1:3]),
-            float(np.exp(theta[3])),
-        )
-
-
-def not_factorised(model: str, theta: np.ndarray, dtype: Any = float) -> str:
-    """Say that no jitter makes a covariance positive definite, and what may."""
-    amplitude, first, second, noise = np.exp(theta)
-    wider = ", or use model.dtype=float64" if np.dtype(dtype).itemsize < 8 else ""
-    return (
-        f"the {model} cannot factorise the covariance of its data, with amplitude {amplitude:.3g}, "
-        f"lengthscales {first:.3g} and {second:.3g} and noise variance {noise:.3g} (scaled units): "
-        "start model.amplitude, model.lengthscale and model.noise_variance nearer to 1, look for "
-        f"measurements beyond all others{wider}"
-    )
-
-
 def log_marginal_likelihood(
     x: np.ndarray,
     y: np.ndarray,
     theta: np.ndarray,
     *,
+    kernel: str | Kernel = "squared_exponential",
     jitter: float = 1e-6,
     dtype: str = "float64",
 ) -> tuple[float, np.ndarray]:
@@ -304,8 +281,11 @@ def log_marginal_likelihood(
         Inputs, scaled already.
     y : ndarray of shape (n,)
         Observations, scaled already.
-    theta : ndarray of shape (4,)
-        (log alpha, log l_1, log l_2, log sigma^2).
+    theta : ndarray of shape (k,)
+        (log alpha, the kernel's hyperparameters ..., log sigma^2); for the anisotropic Gaussian
+        kernel these are log l_1 and log l_2.
+    kernel : str or Kernel
+        One of `infoplan.config.KERNELS`, or one's own.
     jitter : float
         Added to sigma^2, ten times as much whenever the factorisation fails, up to a bound.
     dtype : {"float64", "float32"}
@@ -315,7 +295,7 @@ def log_marginal_likelihood(
     -------
     value : float
         The likelihood in nats.
-    gradient : ndarray of shape (4,)
+    gradient : ndarray of shape (k,)
         Its derivatives by theta.
 
     Examples
@@ -325,6 +305,6 @@ def log_marginal_likelihood(
     >>> round(value, 4), gradient.shape
     (-1.5155, (4,))
     """
-    likelihood = Likelihood(jitter, dtype)
-    likelihood.set_data(np.ascontiguousarray(np.asarray(x, float).T), np.asarray(y, float))
-    return likelihood.value_and_gradient(np.asarray(theta, float))
+    inference = ExactInference(as_kernel(kernel), jitter, dtype)
+    inference.set_data(np.ascontiguousarray(np.asarray(x, float).T), np.asarray(y, float))
+    return inference.lml_and_gradient(np.asarray(theta, float))

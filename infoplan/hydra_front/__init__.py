@@ -1,0 +1,1 @@
+"""Hydra and OmegaConf: nothing else of infoplan knows of them."""

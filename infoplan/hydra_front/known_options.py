@@ -1,0 +1,31 @@
+"""Every option that some choice has, and what to say of one that there is not."""
+
+from typing import Any
+
+from infoplan.config import GROUPS, Config
+from infoplan.options import walk
+from infoplan.wording import suggest
+
+
+def no_option(name: str) -> str:
+    """Say that there is no such option, or none in the choice that was made."""
+    known = all_options()
+    if name in known:
+        group = name.split(".")[0]
+        return (
+            f"the chosen {group} has no option {name!r}: infoplan run --cfg job shows what it has"
+        )
+    return (
+        f"there is no option {name!r}{suggest(name, [*known, *GROUPS, 'experiment'], 3)}: "
+        "infoplan run --help lists all"
+    )
+
+
+def all_options() -> dict[str, dict[str, Any]]:
+    """Metadata of every option that some choice has."""
+    known = {name: metadata for name, _, metadata in walk(Config())}
+    for group, choices in GROUPS.items():
+        for schema in choices.values():
+            for name, _, metadata in walk(schema, f"{group}."):
+                known.setdefault(name, metadata)
+    return known

@@ -1,0 +1,99 @@
+"""Overrides of ``infoplan replay``: another detector or model in a stored configuration."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+
+from infoplan.config import (
+    REPLAY_GROUPS,
+    REPLAY_HOW,
+    REPLAY_OPTIONS,
+    Config,
+    MissionConfig,
+    validate,
+)
+from infoplan.errors import UsageError
+from infoplan.hydra_front.compose import compose
+
+
+def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> Config:
+    """Put another detector, scope or model into a stored configuration, and say how to run it.
+
+    Parameters
+    ----------
+    config
+        The source's.
+    overrides
+        Hydra's: ``detector=...`` or ``model=...`` chooses anew, with that choice's defaults;
+        ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option, ``n_jobs`` and the
+        other options of `REPLAY_HOW` say how it is run, and all else stays.
+
+    Returns
+    -------
+    Config
+        Valid.
+
+    Raises
+    ------
+    UsageError
+        If an override would change anything else, is unknown or has no possible value.
+    """
+    names = [_replayable(override) for override in overrides]
+    chosen = [f"{group}={getattr(config, group).name}" for group in ("planner", *REPLAY_GROUPS)]
+    kept = [choice for choice in chosen if choice.partition("=")[0] not in names]
+    composed = compose([*kept, *overrides])
+    parts: dict[str, Any] = {"planner": config.planner, "detector": config.detector,
+                             "model": config.model}  # fmt: skip
+    parts |= {group: getattr(composed, group) for group in REPLAY_GROUPS if group in names}
+    for name in names:
+        group, _, rest = name.partition(".")
+        if not rest or group in names:  # of a group that is chosen anew all is as composed
+            continue
+        option = rest.partition(".")[0]
+        value = getattr(getattr(composed, group), option)
+        if isinstance(value, dict):
+            value = {**getattr(parts[group], option), **value}
+        parts[group] = replace(parts[group], **{option: value})
+    mission = {item.name: getattr(config, item.name) for item in fields(MissionConfig)} | parts
+    how = {name: getattr(composed, name) for name in REPLAY_HOW}
+    changed = Config(**mission, **how)
+    # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
+    validate(
+        replace(changed, terrain=replace(MissionConfig().terrain, extent=config.terrain.extent))
+    )
+    return changed
+
+
+def how_to_replay(overrides: Sequence[str]) -> list[str]:
+    """List the overrides that say how a replay is run."""
+    return [override for override in overrides if _replayable(override) in REPLAY_HOW]
+
+
+def _replayable(override: str) -> str:
+    """Name what an override changes, if that is open to a replay."""
+    try:
+        parsed = OverridesParser.create().parse_override(override)
+    except HydraException as error:
+        raise UsageError(
+            f"the override {override!r} cannot be read: write option=value, like detector=best"
+        ) from error
+    name = parsed.key_or_group
+    if parsed.is_delete() or (
+        name.split(".")[0] not in REPLAY_GROUPS and name not in (*REPLAY_OPTIONS, *REPLAY_HOW)
+    ):
+        raise UsageError(
+            f"{override} is not open to a replay, which keeps trajectory and measurements: change "
+            "detector, model, their options or planner.smoothing, or fly it with infoplan run"
+        )
+    if parsed.is_sweep_override():
+        raise UsageError(f"{override} has several values: a replay takes one, so replay for each")
+    return name
+
+
+def named_functions(overrides: Sequence[str]) -> set[str]:
+    """List the groups whose function is named by an override."""
+    names = map(_replayable, overrides)
+    return {name.partition(".")[0] for name in names if name.endswith(".function")}

@@ -1,0 +1,155 @@
+"""What a mission needs of a machine, in memory and time, estimated before it is flown.
+
+The estimates are of peaks, as measured on missions, and rather low than high: only what certainly
+cannot be done is refused.
+"""
+
+import math
+from dataclasses import dataclass
+
+from infoplan.config import MissionConfig, TreeSearchConfig
+from infoplan.errors import UsageError
+from infoplan.machine import machine_memory, size
+from infoplan.wording import rough
+
+WORKER_BYTES = 250e6
+"""Of a worker that has imported what missions need."""
+
+NODE_BYTES = 250
+"""Of a node of the query grid: truth, predictions, reward maps, and its row in the tables."""
+
+SAMPLE_BYTES = 400
+"""Of a sample, its row in the table and what the detector is shown of it."""
+
+POINT_BYTES = 50
+"""Of a sample of the pilot and a control point, while the curve is drawn."""
+
+PAIR_BYTES = {"gp": 8, "student_t": 48}
+"""Of a pair of samples in a model in double precision: matrices that are held at a time."""
+
+DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
+"""Of a judged sample and one that it is judged by."""
+
+BLOCK = 512
+"""Nodes that are predicted at a time."""
+
+FLOPS = 2e9
+"""Floating-point operations a second of the matrix routines, of an old machine."""
+
+STEP_SECONDS, CHOICE_SECONDS = 1e-8, 2e-9
+"""Of a step of the robot in the tree search, and of an action that it looks at."""
+
+PYTHON_STEP_SECONDS = 3e-6
+"""Of a step in the planners that have no tree."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a mission's memory: bytes, what it is for, and the options that decide it."""
+
+    size: float
+    what: str
+    options: str
+
+
+def parts(config: MissionConfig) -> list[Part]:
+    """Estimate the memory of a mission, part by part; of own methods nothing is known.
+
+    Parameters
+    ----------
+    config
+        Its options, valid.
+    """
+    budget, nodes = float(config.budget), float(config.grid[0]) * config.grid[1]
+    planner, model, detector = config.planner, config.model, config.detector
+    batch = min(budget, _plan_actions(config) * config.robot.samples_per_action)
+    precision = 0.5 if getattr(model, "dtype", "") == "float32" else 1.0
+    pairs = PAIR_BYTES.get(model.name, 0) * precision
+    judged = budget if detector.scope == "historical" else batch
+    # One block of predictions has a row a node and a column a sample.
+    predicted = 8 * precision * min(BLOCK, nodes) * budget if pairs else 0.0
+    iterations, angles = getattr(planner, "iterations", 0), config.robot.steering_angles
+    return [
+        Part(nodes * NODE_BYTES, f"the query grid of {rough(nodes)} nodes", f"grid={config.grid}"),
+        Part(
+            budget * SAMPLE_BYTES + pairs * budget**2 + predicted,
+            f"the model of {rough(budget)} samples", f"budget={config.budget}",
+        ),
+        Part(
+            DETECTOR_PAIR_BYTES.get(detector.name, 0) * judged * budget,
+            f"the detector {detector.name} on {rough(judged)} of {rough(budget)} samples",
+            f"budget={config.budget}" + (" or detector.scope=historical" if judged > batch else ""),
+        ),
+        Part(
+            POINT_BYTES * float(config.pilot.samples) * len(config.pilot.control_points),
+            f"the pilot path of {rough(config.pilot.samples)} samples",
+            f"pilot.samples={config.pilot.samples}",
+        ),
+        Part(
+            float(iterations + 1) * (64 + 8 * angles) if iterations else 0.0,
+            f"the search tree of {rough(iterations)} iterations and {rough(angles)} actions",
+            f"planner.iterations={iterations}" if iterations > angles
+            else f"robot.steering_angles={angles}",
+        ),
+        Part(
+            100.0 * angles + 50.0 * _plan_actions(config) * config.robot.samples_per_action,
+            f"a plan among {rough(angles)} actions",
+            f"robot.steering_angles={angles}, robot.samples_per_action="
+            f"{config.robot.samples_per_action} or planner.actions",
+        ),
+    ]  # fmt: skip
+
+
+def memory_of(config: MissionConfig) -> float:
+    """Estimate the bytes that a mission takes at its peak, besides its process' own."""
+    return sum(part.size for part in parts(config))
+
+
+def check_mission(config: MissionConfig) -> None:
+    """Refuse a mission that this machine cannot hold.
+
+    Raises
+    ------
+    UsageError
+        With the figure, and the option to lower.
+    """
+    needed, there = memory_of(config), machine_memory()
+    if needed + WORKER_BYTES > there:
+        largest = max(parts(config), key=lambda part: part.size)
+        raise UsageError(
+            f"{largest.options} needs about {size(needed)} of memory, mostly for {largest.what}, "
+            f"and this machine gives a process {size(there)}: lower it"
+        )
+
+
+def seconds_of(config: MissionConfig) -> float:
+    """Estimate roughly, and rather too few, the seconds of a mission, from its operations."""
+    budget, pilot = float(config.budget), float(config.pilot.samples)
+    nodes, robot, planner = float(config.grid[0]) * config.grid[1], config.robot, config.planner
+    batch = min(_plan_actions(config) * robot.samples_per_action, budget)
+    epochs = max((budget - pilot) / batch, 1.0)
+    per_epoch = batch if config.model.iterations == "per_sample" else float(config.model.iterations)
+    operations = 0.0
+    if config.model.name in PAIR_BYTES:
+        # Of the factors of ever larger matrices the mean is a quarter of the last, of squares a
+        # third.
+        operations += config.model.pilot_iterations * pilot**3
+        operations += epochs * (per_epoch * budget**3 / 4 + nodes * budget**2 / 3)
+    along = robot.samples_per_action
+    if isinstance(planner, TreeSearchConfig):
+        step = (1 + planner.rollouts) * along * STEP_SECONDS
+        planning = planner.iterations * (step + robot.steering_angles * CHOICE_SECONDS)
+    else:
+        planning = _plan_actions(config) * robot.steering_angles * along * PYTHON_STEP_SECONDS
+    return operations / FLOPS + epochs * planning
+
+
+def _plan_actions(config: MissionConfig) -> float:
+    """Actions of a plan: given, or about the depth of the tree."""
+    planner, angles = config.planner, config.robot.steering_angles
+    if planner.execute_actions is not None:
+        return float(planner.execute_actions)
+    if hasattr(planner, "actions"):
+        return float(planner.actions)
+    iterations = getattr(planner, "iterations", 0)
+    return max(math.log(iterations + 1) / math.log(max(angles, 2)), 1.0)

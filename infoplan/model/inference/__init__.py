@@ -1,0 +1,1 @@
+"""What the data say of the latent function and of the hyperparameters: exactly, or nearly."""

@@ -1,0 +1,56 @@
+"""A stored mission as a source: its samples go through another belief."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from infoplan.config import MissionConfig, TreeSearchConfig
+from infoplan.extent import checked_extent
+from infoplan.mission import explore
+from infoplan.samples import Samples
+from infoplan.scoring import State
+from infoplan.source import StoredSource
+
+
+def explore_again(
+    config: MissionConfig, seed: int, samples: pd.DataFrame, maps: pd.DataFrame
+) -> Iterator[State]:
+    """Give a belief the samples of a stored mission, epoch by epoch.
+
+    Nothing is planned or sensed: with the detector and model that it was flown with, the numbers
+    are those of the flight.
+
+    Parameters
+    ----------
+    config
+        Valid but for its terrain, of which only the extent counts.
+    seed
+        Of the detector's random streams.
+    samples, maps
+        Tables of the mission; the maps' truth is what predictions are scored by.
+
+    Returns
+    -------
+    iterator of State
+        After the pilot and after each epoch.
+    """
+    truth = maps["truth"].to_numpy(dtype=np.float64)
+    source = StoredSource(as_samples(samples), checked_extent(config.terrain.extent), truth)
+    # A planner of the user's own need not be there any more.
+    return explore(replace(config, planner=stand_in(config), budget=len(samples)), source, seed)
+
+
+def as_samples(table: pd.DataFrame) -> Samples:
+    """Read the table of samples."""
+    return Samples(
+        x=table[["x1", "x2"]].to_numpy(dtype=np.float64),
+        **{name: table[name].to_numpy() for name in ("epoch", "heading", "truth", "measured",
+                                                     "is_outlier", "flagged", "score")},
+    )  # fmt: skip
+
+
+def stand_in(config: MissionConfig) -> TreeSearchConfig:
+    """Planner that keeps what a mission reads of a planner's options."""
+    return TreeSearchConfig(smoothing=config.planner.smoothing)
