@@ -138,6 +138,7 @@ class Belief:
             prediction is none.
         """
         self.epoch += 1
+        # New arrays: those of before belong to the states that were told.
         self.readings = joined(self.readings, _checked_size(batch))
         self.epochs, self.flagged, self.score = (
             np.concatenate(pair)

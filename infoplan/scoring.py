@@ -103,8 +103,8 @@ def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
         truth=collected.truth,
         measured=collected.measured,
         is_outlier=np.zeros(len(collected), dtype=bool) if labels is None else labels,
-        flagged=belief.flagged.copy(),  # a later verdict is another state's
-        score=belief.score.copy(),
+        flagged=belief.flagged,
+        score=belief.score,
     )
     learned = getattr(belief.model, "hyperparameters", None)
     row = CurveRow(

@@ -16,7 +16,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 import infoplan
 from infoplan import config as config_module
 from infoplan.cli import main
-from infoplan.config import GROUPS
+from infoplan.config import GROUPS, DetectorConfig
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 SHORT = [option for option in SMALL if not option.startswith(("seeds", "n_jobs"))]
@@ -180,6 +180,25 @@ def test_samples_count_against_what_is_left_of_the_budget(small):
     mission.start(told(mission))
     with pytest.raises(infoplan.UsageError, match="131 samples are more than the 130"):
         told(mission, x=np.ones((131, 2)), measured=np.ones(131))
+
+
+def test_steps_out_of_turn_are_refused(small):
+    mission = infoplan.Mission(small, infoplan.workspace([0, 10, 0, 10]), seed=0)
+    for step in (mission.plan, mission.evaluate, lambda: mission.observe(told(mission))):
+        with pytest.raises(infoplan.UsageError, match="no samples yet: give start"):
+            step()
+    mission.start(told(mission))
+    with pytest.raises(infoplan.UsageError, match="has been started"):
+        mission.start(told(mission))
+
+
+def test_the_perfect_detector_asks_for_labels(small):
+    small.detector = DetectorConfig(name="best")
+    for labels, words in ((None, "best needs the true labels"), (np.zeros(30, dtype=bool), "")):
+        mission = infoplan.Mission(small, infoplan.workspace([0, 10, 0, 10]), seed=0)
+        mission.start(told(mission, is_outlier=labels))
+        with pytest.raises(infoplan.RunError, match=words) if words else nullcontext():
+            mission.observe(told(mission, is_outlier=labels))
 
 
 def test_a_workspace_is_a_rectangle():

@@ -13,6 +13,7 @@ from infoplan.belief import Belief
 from infoplan.config import METHODS, CopodConfig, DetectorConfig, LocalConfig
 from infoplan.detect import DETECTORS, Evidence
 from infoplan.errors import RunError
+from infoplan.mission import explore
 from infoplan.model import MODELS
 from infoplan.plan import PLANNERS
 from infoplan.simulator import Simulator
@@ -190,6 +191,25 @@ def test_what_a_planner_is_given(copod, volcano, monkeypatch):
         assert situation.std.shape == (12, 12)
         assert (situation.n_pilot, situation.budget) == (100, 240)
         assert situation.extent == volcano.extent
+
+
+class Blind(Simulator):
+    """A robot that nobody tells the truth."""
+
+    def sample(self, epoch, trajectory):
+        batch = super().sample(epoch, trajectory)
+        return replace(batch, truth=np.full(len(batch), np.nan))
+
+
+def test_a_belief_needs_no_truth(copod, volcano):
+    seen = fly(copod, volcano)[-1]
+    source = Blind(copod, volcano, 0)
+    source.grid_truth = np.full_like(source.grid_truth, np.nan)
+    *_, blind = explore(copod, source, 0)
+    assert np.isnan([blind.row.rmse, blind.row.nlpd, *blind.samples.truth]).all()
+    for name in ("x", "measured", "flagged", "score"):
+        np.testing.assert_array_equal(getattr(blind.samples, name), getattr(seen.samples, name))
+    np.testing.assert_array_equal(blind.maps.mean, seen.maps.mean)
 
 
 def test_accepted_counts_what_the_model_holds(copod, volcano):
