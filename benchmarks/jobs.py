@@ -111,7 +111,7 @@ def replays(started: float, budget: int = 2000) -> dict[str, Any]:
     """Teach models the data of one mission with several optimisers and precisions."""
     from benchmarks.missions import accepted_batches, configuration, fly, replay
 
-    batches = accepted_batches(fly(configuration(budget=budget)).mission)
+    batches = accepted_batches(fly(configuration(budget=budget)).samples)
     variants: dict[str, dict[str, Any]] = {
         f"{optimizer} {iterations}{' float32' if dtype == 'float32' else ''}": {
             "optimizer": optimizer,

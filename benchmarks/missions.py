@@ -9,9 +9,12 @@ import numpy as np
 import infoplan.model.gp
 from benchmarks.measure import Seconds, timed
 from infoplan.config import METHODS, GpConfig, MissionConfig
-from infoplan.mission import CurveRow, Mission
+from infoplan.mission import explore
 from infoplan.model import GaussianProcess
 from infoplan.model.inference.exact import ExactInference
+from infoplan.samples import Samples
+from infoplan.scoring import CurveRow
+from infoplan.simulator import Simulator
 from infoplan.terrain import Terrain, find_helens, load_terrain
 
 
@@ -42,17 +45,19 @@ def configuration(
 class Flight:
     """A flown mission, its rows and how long it took, without start-up."""
 
-    mission: Mission
+    samples: Samples
     rows: list[CurveRow]
     seconds: Seconds
 
 
 def fly(config: MissionConfig, seed: int = 0) -> Flight:
     """Fly a mission from its pilot to its budget."""
-    mission = Mission(config, terrain(), seed)
+    simulator = Simulator(config, terrain(), seed)
+    rows = []
     with timed() as spent:
-        rows = list(mission.run())
-    return Flight(mission, rows, spent)
+        for state in explore(config, simulator, seed):
+            rows.append(state.row)
+    return Flight(state.samples, rows, spent)
 
 
 def floor_operations(config: MissionConfig, accepted: list[int]) -> float:
@@ -78,10 +83,9 @@ def stages(flight: Flight) -> dict[str, float]:
 Batch = tuple[np.ndarray, np.ndarray]
 
 
-def accepted_batches(mission: Mission) -> list[Batch]:
+def accepted_batches(samples: Samples) -> list[Batch]:
     """Return the data that the model was given, epoch by epoch, the pilot first."""
-    samples = mission.samples
-    chosen = [(samples.epoch == epoch) & ~samples.flagged for epoch in range(mission.epoch + 1)]
+    chosen = [(samples.epoch == epoch) & ~samples.flagged for epoch in range(samples.epoch[-1] + 1)]
     return [(samples.x[take], samples.measured[take]) for take in chosen]
 
 

@@ -13,23 +13,26 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from infoplan.api import Frames, as_samples, configure, fly, frames, workspace
+    from infoplan.api import Frames, Mission, as_samples, configure, fly, frames, workspace
     from infoplan.config import MissionConfig
     from infoplan.errors import RunError, UsageError
-    from infoplan.mission import CurveRow, Mission, Samples
+    from infoplan.samples import Batch, Samples
+    from infoplan.scoring import CurveRow
     from infoplan.terrain import Terrain, load_terrain
 
 __version__ = version("infoplan")
 
 _HOMES = {
-    "api": ("Frames", "as_samples", "configure", "fly", "frames", "workspace"),
+    "api": ("Frames", "Mission", "as_samples", "configure", "fly", "frames", "workspace"),
     "config": ("MissionConfig",),
     "errors": ("RunError", "UsageError"),
-    "mission": ("CurveRow", "Mission", "Samples"),
+    "samples": ("Batch", "Samples"),
+    "scoring": ("CurveRow",),
     "terrain": ("Terrain", "load_terrain"),
 }
 
 __all__ = [
+    "Batch",
     "CurveRow",
     "Frames",
     "Mission",

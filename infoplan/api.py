@@ -6,10 +6,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from infoplan.belief import Belief
 from infoplan.config import Config, MissionConfig, validate
+from infoplan.culprit import culprit_named
 from infoplan.errors import UsageError
 from infoplan.extent import checked_extent
-from infoplan.mission import CurveRow, Mission, Samples
+from infoplan.mission import explore
+from infoplan.mission_cost import check_mission
+from infoplan.samples import Batch, Samples, joined
+from infoplan.scoring import CurveRow, State, assess
+from infoplan.simulator import Simulator
 from infoplan.terrain import Terrain, load_terrain
 from infoplan.terrain.surface import array_digest
 from infoplan.text_options import as_value
@@ -112,25 +118,150 @@ def fly(config: MissionConfig, seed: int = 0, terrain: Terrain | None = None) ->
 
         terrain = load_terrain(**vars(config.terrain))
         config = resolve(config, terrain)
-    mission = Mission(config, terrain, seed)
-    return frames(mission, list(mission.run()))
+    rows = []
+    for state in explore(config, Simulator(config, terrain, seed), seed):
+        rows.append(state.row)
+    return _frames(config, terrain, seed, rows, state)
+
+
+class Mission:
+    """A mission stepped by hand, as ask and tell: you, or a robot of yours, bring the samples.
+
+    In turn: `start` with the pilot's samples, then `plan` and `observe` until the budget is spent;
+    `evaluate` at any time after the start.
+
+    Parameters
+    ----------
+    config
+        From `configure`.
+    terrain
+        The ground truth, of a `workspace` if nobody knows it.
+    seed
+        Of all random streams.
+
+    Raises
+    ------
+    UsageError
+        If the mission needs more memory than the machine has.
+    """
+
+    def __init__(self, config: MissionConfig, terrain: Terrain, seed: int):
+        check_mission(config)
+        self.config = config
+        self.terrain = terrain
+        self.seed = seed
+        self._simulator = Simulator(config, terrain, seed)
+        self._told: tuple[Belief, Batch] | None = None
+
+    @property
+    def collected(self) -> int:
+        """Number of samples collected so far, the pilot's included."""
+        return self._told[0].collected if self._told else 0
+
+    @property
+    def epoch(self) -> int:
+        """Number of plans whose samples are in."""
+        return self._told[0].epoch if self._told else 0
+
+    @property
+    def samples(self) -> Samples:
+        """All samples so far, with the verdicts on them."""
+        return self._state().samples
+
+    def pilot_path(self) -> Floats:
+        """Poses along the Bezier curve that circles the workspace, shape (n, 3)."""
+        return self._simulator.pilot_path()
+
+    def sample(self, trajectory: Floats) -> Batch:
+        """Sense the terrain along poses, shape (n, 3), with noise and outliers, in the simulator.
+
+        Before the start they are the pilot's, then the next epoch's.
+        """
+        return self._simulator.sample(self.epoch + 1 if self._told else 0, trajectory)
+
+    def start(self, pilot: Batch) -> None:
+        """Fit the scalers and the model's hyperparameters to the pilot samples.
+
+        Raises
+        ------
+        UsageError
+            If the mission has been started, or a method of the user's own cannot be had.
+        RunError
+            If a measurement is beyond 1e100, or the model cannot take the pilot.
+        """
+        if self._told:
+            raise UsageError("this mission has been started: give further samples to observe()")
+        with culprit_named(self.config, "on the pilot samples"):
+            belief = Belief(self.config, self.terrain.extent, self.seed, pilot.readings())
+        self._told = belief, pilot
+
+    def plan(self) -> Floats:
+        """Plan the next trajectory from where the last sample was taken.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Poses x1, x2, heading at the samples, cut to the remaining budget.
+        """
+        belief, _ = self._started()
+        with culprit_named(self.config, f"in epoch {belief.epoch + 1}"):
+            return belief.plan()
+
+    def observe(self, batch: Batch) -> None:
+        """Detect the outliers of an epoch, drop them, and teach the model the clean data.
+
+        Raises
+        ------
+        RunError
+            If a measurement is beyond 1e100, the detector gives no verdict, or the model fails.
+        """
+        belief, collected = self._started()
+        with culprit_named(self.config, f"in epoch {belief.epoch + 1}"):
+            belief.learn(batch.readings())
+        self._told = belief, joined(collected, batch)
+
+    def evaluate(self) -> CurveRow:
+        """Score the model's prediction of the query grid against the truth.
+
+        Raises
+        ------
+        RunError
+            If it is so far off that its errors overflow.
+        """
+        return self._state().row
+
+    def _state(self) -> State:
+        belief, collected = self._started()
+        return assess(belief, collected, self._simulator.grid_truth)
+
+    def _started(self) -> tuple[Belief, Batch]:
+        """Return what was learned and told, or refuse what comes before the start."""
+        if self._told is None:
+            raise UsageError("this mission has no samples yet: give start() the pilot's first")
+        return self._told
 
 
 def frames(mission: Mission, rows: "Sequence[CurveRow]") -> Frames:
-    """Lay out a mission as data frames, at any point after its first evaluation.
+    """Lay out a mission stepped by hand as data frames, at any point after its start.
 
     Parameters
     ----------
     mission
-        Flown, or stepped by hand.
+        Stepped by hand.
     rows
-        What `Mission.run` yielded, or `Mission.evaluate` returned.
+        What `Mission.evaluate` returned.
     """
+    return _frames(mission.config, mission.terrain, mission.seed, rows, mission._state())
+
+
+def _frames(
+    config: MissionConfig, terrain: Terrain, seed: int, rows: "Sequence[CurveRow]", last: State
+) -> Frames:
     from infoplan.study.identity import Run
     from infoplan.study.store import build_tables
 
-    run = Run("", mission.config, mission.terrain, {})  # tables that are not stored need no name
-    tables = build_tables(run, mission, list(rows))
+    run = Run("", config, terrain, {})  # tables that are not stored need no name
+    tables = build_tables(run, seed, rows, last)
     return Frames(*(getattr(tables, name).to_pandas() for name in ("curves", "samples", "maps")))
 
 
@@ -167,8 +298,8 @@ def as_samples(
     *,
     heading: ArrayLike | None = None,
     is_outlier: ArrayLike | None = None,
-) -> Samples:
-    """Make what a robot or a log brought into samples of a mission's current epoch.
+) -> Batch:
+    """Make what a robot or a log brought into a batch of a mission's samples.
 
     They are for `Mission.start` before the first plan, and for `Mission.observe` after each plan.
 
@@ -184,12 +315,12 @@ def as_samples(
     heading
         After each sample, radians, shape (n,); None: the direction from the sample before.
     is_outlier
-        True labels, shape (n,), where they are known; None: no sample is called an outlier, so that
-        the confusion counts call every flag a false positive.
+        True labels, shape (n,), where they are known; None: the confusion counts call every flag a
+        false positive, and the detector ``best`` has nothing to go by.
 
     Returns
     -------
-    Samples
+    Batch
 
     Raises
     ------
@@ -201,10 +332,10 @@ def as_samples(
     if x.ndim != 2 or x.shape[1] != 2 or len(x) == 0:
         raise UsageError(f"x has shape {x.shape}: give one row (x1, x2) a sample, at least one")
     n = len(x)
-    before = getattr(mission, "samples", None)
+    before = mission.samples if mission.collected else None
     given = {
         "measured": np.array(measured, dtype=np.float64),
-        "heading": _directions(x, None if before is None else mission.pose)
+        "heading": _directions(x, None if before is None else before.x[-1])
         if heading is None
         else np.array(heading, dtype=np.float64) % (2 * np.pi),
     }
@@ -214,8 +345,8 @@ def as_samples(
     for name, values in {"x": x, **given}.items():
         if not np.all(np.isfinite(values)):
             raise UsageError(f"{name} holds a number that is not finite: leave such samples out")
-    labels = np.zeros(n, dtype=bool) if is_outlier is None else np.array(is_outlier, dtype=bool)
-    if labels.shape != (n,):
+    labels = None if is_outlier is None else np.array(is_outlier, dtype=bool)
+    if labels is not None and labels.shape != (n,):
         raise UsageError(f"is_outlier has shape {labels.shape}: give one label a sample, {n}")
     xmin, xmax, ymin, ymax = mission.terrain.extent
     outside = (x < [xmin, ymin]).any(axis=1) | (x > [xmax, ymax]).any(axis=1)
@@ -225,25 +356,17 @@ def as_samples(
             f"sample {np.argmax(outside)} at ({first[0]:g}, {first[1]:g}) lies outside of the "
             f"workspace {list(mission.terrain.extent)}: leave it out, or widen the workspace"
         )
-    left = mission.config.budget - (0 if before is None else len(before))
+    left = mission.config.budget - mission.collected
     if n > left:
         raise UsageError(f"{n} samples are more than the {left} that budget= leaves: raise it")
-    return Samples(
-        epoch=np.full(n, mission.epoch),
-        x=x,
-        heading=given["heading"],
-        truth=mission.terrain.elevation_at(x[:, 0], x[:, 1]),
-        measured=given["measured"],
-        is_outlier=labels,
-        flagged=np.zeros(n, dtype=bool),
-        score=np.full(n, np.nan),
-    )
+    truth = mission.terrain.elevation_at(x[:, 0], x[:, 1])
+    return Batch(x, given["heading"], given["measured"], labels, truth)
 
 
-def _directions(x: Floats, pose: Floats | None) -> Floats:
+def _directions(x: Floats, before: Floats | None) -> Floats:
     """Direction of the step to each sample, in [0, 2 pi); of the next one where there is none."""
-    start = x[:1] if pose is None else pose[None, :2]
+    start = x[:1] if before is None else before[None]
     step = np.diff(np.concatenate([start, x]), axis=0)
-    if pose is None and len(x) > 1:
+    if before is None and len(x) > 1:
         step[0] = step[1]
     return np.arctan2(step[:, 1], step[:, 0]) % (2 * np.pi)

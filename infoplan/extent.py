@@ -3,6 +3,9 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from infoplan.errors import UsageError
 
 Extent = tuple[float, float, float, float]
@@ -38,3 +41,26 @@ def checked_extent(extent: Sequence[float]) -> Extent:
             "as long as the other"
         )
     return xmin, xmax, ymin, ymax
+
+
+def query_grid(extent: Extent, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Nodes of an even grid over a workspace, borders included.
+
+    Parameters
+    ----------
+    extent
+        xmin, xmax, ymin, ymax.
+    shape
+        Number of rows along y and of columns along x, at least 2 each.
+
+    Returns
+    -------
+    ndarray, shape (rows * columns, 2)
+        x and y, row-major: x runs fastest.
+    """
+    rows, columns = shape
+    xmin, xmax, ymin, ymax = extent
+    y, x = np.meshgrid(
+        np.linspace(ymin, ymax, rows), np.linspace(xmin, xmax, columns), indexing="ij"
+    )
+    return np.column_stack([x.ravel(), y.ravel()])

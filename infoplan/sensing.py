@@ -1,17 +1,9 @@
-"""The elevation sensor: Gaussian noise, and now and then a spike."""
+"""What goes wrong in the sensor now and then: a spike."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-
-
-def measure(
-    truth: NDArray[np.float64], noise_std: float, rng: np.random.Generator
-) -> NDArray[np.float64]:
-    """Add the sensor's Gaussian noise to the true elevations, shape (n,), terrain's unit."""
-    with np.errstate(over="ignore"):  # told by the mission, which knows the options
-        return truth + noise_std * rng.standard_normal(truth.shape)
 
 
 def add_spikes(

@@ -84,13 +84,13 @@ def replay(
     """
     from infoplan.draw.replay_table import print_replay
     from infoplan.hydra_front.reconfigure import how_to_replay, named_functions, reconfigure
-    from infoplan.study.replay import find_source, replay_study
+    from infoplan.study.replay import find_flown, replay_study
     from infoplan.trust import admit
 
     console = wide_console()
     listening = listener(console)
     compose(how_to_replay(overrides))  # what is wrong there is told whatever the run
-    source = find_source(results_dir, run)
+    source = find_flown(results_dir, run)
     config = reconfigure(source.config, overrides)
     admit(config, source.science, named_functions(overrides), trust,
           lambda text: listening.say(text, "note"))  # fmt: skip

@@ -5,11 +5,20 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from infoplan.config import Config, CopodConfig, DetectorConfig, GpConfig, TreeSearchConfig
-from infoplan.mission import Mission
-from infoplan.study.identity import identify
+from infoplan.config import (
+    Config,
+    CopodConfig,
+    DetectorConfig,
+    GpConfig,
+    MissionConfig,
+    TreeSearchConfig,
+)
+from infoplan.mission import explore
+from infoplan.scoring import State
+from infoplan.simulator import Simulator
+from infoplan.study.identity import Run, identify
 from infoplan.study.provenance import provenance
-from infoplan.study.store import build_tables, save_mission
+from infoplan.study.store import MissionTables, build_tables, save_mission
 from infoplan.terrain import Terrain
 
 
@@ -31,13 +40,23 @@ def short_mission(
     )
 
 
+def fly(config: MissionConfig, terrain: Terrain, seed: int = 0) -> list[State]:
+    """Fly a mission in the simulator."""
+    with threadpool_limits(limits=1):
+        return list(explore(config, Simulator(config, terrain, seed), seed))
+
+
+def tables_of(run: Run, seed: int) -> MissionTables:
+    """Fly a mission of a run and lay its tables out."""
+    states = fly(run.config, run.terrain, seed)
+    return build_tables(run, seed, [state.row for state in states], states[-1])
+
+
 def store(results_dir: Path, config: Config, terrain: Terrain, seeds: Sequence[int] = (0,)) -> str:
     """Fly and store missions; returns the run's name."""
     run = identify(config, terrain)
     for seed in seeds:
-        with threadpool_limits(limits=1):
-            mission = Mission(run.config, terrain, seed)
-            tables = build_tables(run, mission, list(mission.run()))
+        tables = tables_of(run, seed)
         footer = {
             **provenance(),
             "started": f"2030-01-02T03:04:0{seed}.000+00:00",

@@ -16,7 +16,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 import infoplan
 from infoplan import config as config_module
 from infoplan.cli import main
-from infoplan.config import GROUPS
+from infoplan.config import GROUPS, DetectorConfig
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 SHORT = [option for option in SMALL if not option.startswith(("seeds", "n_jobs"))]
@@ -121,7 +121,9 @@ def test_ask_and_tell_on_a_workspace_of_unknown_elevation():
         mission.observe(infoplan.as_samples(mission, asked[:, :2], hill(asked)))
         # Where no heading is told, it is the direction of the last step.
         step = np.diff(mission.samples.x[-2:], axis=0)[0]
-        assert mission.pose[2] == pytest.approx(np.arctan2(step[1], step[0]) % (2 * np.pi))
+        assert mission.samples.heading[-1] == pytest.approx(
+            np.arctan2(step[1], step[0]) % (2 * np.pi)
+        )
         rows.append(mission.evaluate())
     frames = infoplan.frames(mission, rows)
     assert frames.samples["truth"].isna().all()
@@ -178,6 +180,25 @@ def test_samples_count_against_what_is_left_of_the_budget(small):
     mission.start(told(mission))
     with pytest.raises(infoplan.UsageError, match="131 samples are more than the 130"):
         told(mission, x=np.ones((131, 2)), measured=np.ones(131))
+
+
+def test_steps_out_of_turn_are_refused(small):
+    mission = infoplan.Mission(small, infoplan.workspace([0, 10, 0, 10]), seed=0)
+    for step in (mission.plan, mission.evaluate, lambda: mission.observe(told(mission))):
+        with pytest.raises(infoplan.UsageError, match="no samples yet: give start"):
+            step()
+    mission.start(told(mission))
+    with pytest.raises(infoplan.UsageError, match="has been started"):
+        mission.start(told(mission))
+
+
+def test_the_perfect_detector_asks_for_labels(small):
+    small.detector = DetectorConfig(name="best")
+    for labels, words in ((None, "best needs the true labels"), (np.zeros(30, dtype=bool), "")):
+        mission = infoplan.Mission(small, infoplan.workspace([0, 10, 0, 10]), seed=0)
+        mission.start(told(mission, is_outlier=labels))
+        with pytest.raises(infoplan.RunError, match=words) if words else nullcontext():
+            mission.observe(told(mission, is_outlier=labels))
 
 
 def test_a_workspace_is_a_rectangle():

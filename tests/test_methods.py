@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from flown import fly
 
+from infoplan.belief import Belief
 from infoplan.config import (
     METHODS,
     Config,
@@ -20,7 +22,7 @@ from infoplan.config import (
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.methods import complete, method_from_stored, method_label, stored_methods
-from infoplan.mission import Mission
+from infoplan.simulator import Simulator
 from infoplan.study.identity import identify
 
 CODE = """
@@ -95,11 +97,6 @@ def config(**groups):
     made.planner = replace(made.planner, iterations=20)
     made.model = replace(made.model, pilot_iterations=5, iterations=1)
     return replace(made, **groups)
-
-
-def fly(made, terrain):
-    mission = Mission(made, terrain, 0)
-    return mission, list(mission.run())
 
 
 def test_labels():
@@ -209,13 +206,17 @@ def test_own_methods_fly(write, volcano):
         detector=OwnDetectorConfig(function="mine.picky"),
         model=OwnModelConfig(function="mine.Flat", options={"std": 9.0}, iterations=4),
     )
-    mission, rows = fly(made, volcano)
-    assert [row.collected for row in rows] == [100, 110, 120, 130]
-    assert (mission.latent_std == 9.0).all()
-    np.testing.assert_allclose(mission.mean, mission.samples.measured.mean())
-    np.testing.assert_array_equal(mission.samples.score[100:], mission.samples.measured[100:])
-    assert np.isnan([rows[-1].lml, rows[-1].amplitude, rows[-1].jitter]).all()
-    assert mission.model.iterations == 4
+    states = fly(made, volcano)
+    assert [state.row.collected for state in states] == [100, 110, 120, 130]
+    row, samples, maps = vars(states[-1]).values()
+    assert (maps.std == 9.0).all()
+    np.testing.assert_allclose(maps.mean, samples.measured.mean())
+    np.testing.assert_array_equal(samples.score[100:], samples.measured[100:])
+    assert np.isnan([row.lml, row.amplitude, row.jitter]).all()
+    simulator = Simulator(made, volcano, 0)
+    belief = Belief(made, volcano.extent, 0, simulator.pilot().readings())
+    belief.learn(simulator.sample(1, belief.plan()).readings())
+    assert belief.model.iterations == 4
 
 
 DETECTOR = "wrong(samples, model, rng):"
@@ -392,8 +393,7 @@ def test_what_fails_in_pyod_is_said_to_be_pyod_s(volcano):
         fly(made, volcano)
 
 
-def test_an_error_of_infoplan_s_own_stays_what_it_is(volcano):
-    mission = Mission(config(), volcano, 0)
-    mission.evaluate = lambda: 1 / 0
+def test_an_error_of_infoplan_s_own_stays_what_it_is(volcano, monkeypatch):
+    monkeypatch.setattr("infoplan.mission.assess", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        list(mission.run())
+        fly(config(), volcano)

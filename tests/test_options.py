@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from flown import fly
 
 from infoplan.config import METHODS, Config, CopodConfig, MissionConfig, TerrainConfig
-from infoplan.mission import Mission
 from infoplan.options import walk, with_values
 from infoplan.terrain import load_terrain
 
@@ -201,12 +201,11 @@ def changed(config: Config, name: str, value: object) -> Config:
 
 
 def numbers(config: Config) -> list[np.ndarray]:
-    terrain = load_terrain(**vars(config.terrain))
-    mission = Mission(config, terrain, seed=3)
-    curve = [(row.rmse, row.nlpd, row.lml, row.tp, row.fp) for row in mission.run()]
-    samples = mission.samples
-    return [np.array(curve), samples.x, samples.measured, samples.flagged,
-            mission.outlier_density()]  # fmt: skip
+    states = fly(config, load_terrain(**vars(config.terrain)), seed=3)
+    rows = [state.row for state in states]
+    curve = [(row.rmse, row.nlpd, row.lml, row.tp, row.fp) for row in rows]
+    samples, maps = states[-1].samples, states[-1].maps
+    return [np.array(curve), samples.x, samples.measured, samples.flagged, maps.outlier_density]
 
 
 @cache
@@ -276,19 +275,15 @@ def test_the_choices_of_a_group_are_different_missions(group, choice):
 @pytest.mark.parametrize("rule", ["floor", "round"])
 def test_floor_gives_short_batches_no_spikes(rule):
     config = changed(changed(base(), "outliers.count", rule), "rho", 0.06)
-    mission = Mission(changed(config, "planner.execute_actions", 1), load_terrain("volcano"), 0)
-    for _ in mission.run():
-        pass
-    assert mission.samples.is_outlier.any() == (rule == "round")
+    last = fly(changed(config, "planner.execute_actions", 1), load_terrain("volcano"))[-1]
+    assert last.samples.is_outlier.any() == (rule == "round")
 
 
 def test_two_missions_with_one_seed_share_their_noise():
     missions = []
     for planner in ("uct", "puct"):
-        mission = Mission(changed(base(), "planner.name", planner), load_terrain("volcano"), 5)
-        for _ in mission.run():
-            pass
-        missions.append(mission.samples)
+        config = changed(base(), "planner.name", planner)
+        missions.append(fly(config, load_terrain("volcano"), 5)[-1].samples)
     noise = [(s.measured - s.truth)[:100] for s in missions]
     np.testing.assert_array_equal(*noise)
     clean = ~(missions[0].is_outlier | missions[1].is_outlier)

@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 import yaml
 from command import SMALL
+from flown import tables_of
 
 from infoplan.analyse.audit import audit
 from infoplan.cli import main
 from infoplan.config import METHODS
-from infoplan.mission import Mission
 from infoplan.study.identity import identify
-from infoplan.study.store import build_tables, save_mission
+from infoplan.study.store import save_mission
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 TINY = [
@@ -90,8 +90,7 @@ def test_every_detector_goes_with_every_model(
             is_model = options is small.model
             options.function = "own_model.Matern" if is_model else "own_detector.jumps"
     run = identify(small, volcano)
-    mission = Mission(run.config, volcano, 1)
-    save_mission(tmp_path, run, 1, build_tables(run, mission, list(mission.run())), {})
+    save_mission(tmp_path, run, 1, tables_of(run, 1), {})
     assert not [finding for finding in audit(tmp_path) if not finding.holds]
 
 

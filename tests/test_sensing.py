@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from infoplan.sensing import add_spikes, measure
+from infoplan.sensing import add_spikes
+from infoplan.simulator import measure
 
 batches = st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=60).map(np.array)
 

@@ -27,7 +27,7 @@ class Evidence:
         Whose verdict is asked for: the new batch (scope batch), or all (historical). Verdicts on
         the others are ignored.
     is_outlier
-        The true labels, for the perfect detector alone.
+        The true labels, for the perfect detector alone; None where nobody knows them.
     """
 
     x: NDArray[np.float64]
@@ -35,7 +35,7 @@ class Evidence:
     epoch: NDArray[np.int64]
     flagged: NDArray[np.bool_]
     judged: NDArray[np.bool_]
-    is_outlier: NDArray[np.bool_]
+    is_outlier: NDArray[np.bool_] | None
 
     def __len__(self) -> int:
         return len(self.measured)

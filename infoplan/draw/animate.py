@@ -20,17 +20,15 @@ from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import on_grid
 from infoplan.analyse.tables import find_missions, flatten
 from infoplan.config import MissionConfig, validate
-from infoplan.culprit import culprit_named
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
 from infoplan.extent import checked_extent
 from infoplan.method_identity import Look, looks, method_of
-from infoplan.mission import CurveRow, Mission, Samples
 from infoplan.plan import count_flags, smooth
-from infoplan.study.replayed import stand_in
+from infoplan.scoring import CurveRow, Maps, State
+from infoplan.study.replayed import as_samples, explore_again, stand_in
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
-from infoplan.terrain import Terrain
 from infoplan.trust import admit
 from infoplan.wording import figure
 
@@ -92,31 +90,6 @@ class Recording:
     curve: pd.DataFrame
     maps: pd.DataFrame
     truth: Floats
-
-
-@dataclass(frozen=True)
-class State:
-    """What a mission knows after an epoch; the maps have the shape of the query grid.
-
-    Maps that are not known are NaN.
-
-    Attributes
-    ----------
-    row
-        Its row of the curve.
-    samples
-        All collected so far, as they are judged now.
-    mean, std
-        The model's latent ones, terrain's unit.
-    density
-        Smoothed outlier matrix.
-    """
-
-    row: CurveRow
-    samples: Samples
-    mean: Floats
-    std: Floats
-    density: Floats
 
 
 def animate(
@@ -300,55 +273,36 @@ def from_tables(recording: Recording) -> Iterator[State]:
     State
         After the pilot and after each epoch.
     """
-    config, table, maps = recording.config, recording.samples, recording.maps
-    shape, unknown = recording.truth.shape, np.full(recording.truth.shape, np.nan)
+    config, table = recording.config, as_samples(recording.samples)
+    extent, maps = checked_extent(config.terrain.extent), recording.maps
+    x, truth, *believed = (
+        maps[name].to_numpy() for name in (["x1", "x2"], "truth", "mean", "std", "outlier_density")
+    )
+    last, unknown = Maps(x, truth, *believed), np.full(len(truth), np.nan)
     columns = [item.name for item in fields(CurveRow)]
     rows = [
         dict(zip(columns, row, strict=True)) for row in recording.curve[columns].to_numpy(object)
     ]
     for epoch, row in enumerate(rows):
-        part = table[table["epoch"] <= epoch]
-        samples = replace(_unjudged(part), flagged=part["flagged"].to_numpy(dtype=bool))
+        samples = table[table.epoch <= epoch]
         if epoch < len(rows) - 1:
-            flags = count_flags(samples.x[samples.flagged], _extent(config), shape)
-            density = smooth(flags, config.planner.smoothing, _extent(config))
-            yield State(CurveRow(**row), samples, unknown, unknown, density)
+            flags = count_flags(samples.x[samples.flagged], extent, recording.truth.shape)
+            density = smooth(flags, config.planner.smoothing, extent).ravel()
+            known = replace(last, mean=unknown, std=unknown, outlier_density=density)
         else:
-            mean, std, density = (on_grid(maps, n) for n in ("mean", "std", "outlier_density"))
-            yield State(CurveRow(**row), samples, mean, std, density)
+            known = last
+        yield State(CurveRow(**row), samples, known)
 
 
 def replay(recording: Recording) -> Iterator[State]:
-    """Recompute the state after every epoch by giving a mission its own samples once more.
-
-    Nothing is planned or sensed: the stored path and measurements go through detector and model as
-    they did when the mission was flown, which gives the same numbers.
+    """Recompute the state after every epoch by teaching a belief the mission's own samples.
 
     Yields
     ------
     State
         After the pilot and after each epoch.
     """
-    table, truth = recording.samples, recording.truth
-    # Nobody plans: a planner of the user's own is not imported.
-    config = replace(recording.config, planner=stand_in(recording.config))
-    # The mission looks at its map only at the query grid's nodes, which are stored.
-    terrain = Terrain(config.terrain.name, truth, _extent(config), config.terrain.unit or "", "")
-    mission = Mission(config, terrain, recording.seed)
-    mission.grid_truth = truth.ravel()
-    for epoch in range(len(recording.curve)):
-        batch = _unjudged(table[table["epoch"] == epoch])
-        mission.epoch = epoch
-        with culprit_named(config, f"in epoch {epoch}"):
-            mission.observe(batch) if epoch else mission.start(batch)
-            row = mission.evaluate()
-        yield State(
-            row,
-            mission.samples,
-            mission.mean.reshape(mission.shape),
-            mission.latent_std.reshape(mission.shape),
-            mission.outlier_density(),
-        )
+    return explore_again(recording.config, recording.seed, recording.samples, recording.maps)
 
 
 def difference_from_curve(states: Sequence[State], recording: Recording) -> str:
@@ -489,9 +443,11 @@ class _Scene:
         self.clock = self._say(WIDTH - 14, "", ha="right")
         self._draw_path_panel()
         # Few nodes must not take the colours from all others.
-        deviation = _range([state.std for state in states], 0.02, 0.98)
-        _, error = _range([np.abs(state.mean - truth) for state in states], 0.0, 0.98)
-        density = max(float(state.density.max()) for state in states)
+        deviation = _range([state.maps.std for state in states], 0.02, 0.98)
+        _, error = _range(
+            [np.abs(state.maps.mean - state.maps.truth) for state in states], 0.0, 0.98
+        )
+        density = max(float(state.maps.outlier_density.max()) for state in states)
         self.mean = self._panel(0, 0, "mean", style.ELEVATION, truth.min(), truth.max())
         self.std = self._panel(0, 1, "standard deviation", style.DEVIATION, *deviation)
         self.error = self._panel(1, 0, "absolute error", style.ERROR, 0, error)
@@ -510,7 +466,7 @@ class _Scene:
 
     def draw(self, state: State) -> Picture:
         """Draw a state; returns red, green, blue, shape (HEIGHT, WIDTH, 3)."""
-        row, samples = state.row, state.samples
+        row, samples, maps = state.row, state.samples, state.maps
         self.clock.set_text(f"{row.collected} of {self.budget} samples, epoch {row.epoch}")
         self.path.set_data(samples.x[:, 0], samples.x[:, 1])
         newest = samples[samples.epoch == row.epoch]
@@ -524,12 +480,12 @@ class _Scene:
         ):
             marks.set_data(samples.x[chosen, 0], samples.x[chosen, 1])
         for image, values in (
-            (self.mean, state.mean),
-            (self.std, state.std),
-            (self.error, np.abs(state.mean - self.truth)),
-            (self.density, state.density),
+            (self.mean, maps.mean),
+            (self.std, maps.std),
+            (self.error, np.abs(maps.mean - maps.truth)),
+            (self.density, maps.outlier_density),
         ):
-            image.set_data(drawable(values, self.truth))
+            image.set_data(drawable(values.reshape(self.truth.shape), self.truth))
         told = f"absolute error, RMSE {figure(row.rmse)} {self.unit}"
         self.error.axes.set_title(told.rstrip(), loc="left")
         so_far = self.stored["collected"] <= row.collected
@@ -632,10 +588,6 @@ def _check_named(recording: Recording, named: Mapping[str, str | None]) -> None:
             )
 
 
-def _extent(config: MissionConfig) -> style.Extent:
-    return checked_extent(config.terrain.extent)
-
-
 def _range(maps: Sequence[Floats], low: float, high: float) -> tuple[float, float]:
     """Two quantiles of some maps' values, apart from each other; NaN is left out."""
     values = np.concatenate([values[np.isfinite(values)] for values in maps])
@@ -643,21 +595,6 @@ def _range(maps: Sequence[Floats], low: float, high: float) -> tuple[float, floa
         return 0.0, 1.0
     first, last = (float(np.quantile(values, share)) for share in (low, high))
     return first, last if last > first else first + (abs(first) or 1.0)
-
-
-def _unjudged(part: pd.DataFrame) -> Samples:
-    """Return the samples of an epoch as the sensor left them."""
-    n = len(part)
-    return Samples(
-        epoch=part["epoch"].to_numpy(),
-        x=part[["x1", "x2"]].to_numpy(),
-        heading=part["heading"].to_numpy(),
-        truth=part["truth"].to_numpy(),
-        measured=part["measured"].to_numpy(),
-        is_outlier=part["is_outlier"].to_numpy(),
-        flagged=np.zeros(n, dtype=bool),
-        score=np.full(n, np.nan),
-    )
 
 
 def _palette(picture: Picture) -> "PIL.Image.Image":

@@ -12,6 +12,7 @@ from infoplan.analyse.relief import RADIUS, local_relief
 from infoplan.config import PilotConfig
 from infoplan.draw import style
 from infoplan.errors import RunError
+from infoplan.extent import query_grid
 from infoplan.robot import bezier_path
 from infoplan.terrain import Terrain
 from infoplan.wording import figure, harmless
@@ -110,7 +111,7 @@ def thinned(terrain: Terrain) -> NDArray[np.float64]:
     if terrain.elevation.size <= SIDE**2:
         return terrain.elevation
     rows, columns = (min(nodes, SIDE) for nodes in terrain.elevation.shape)
-    x, y = terrain.query_grid((rows, columns)).T
+    x, y = query_grid(terrain.extent, (rows, columns)).T
     return terrain.elevation_at(x, y).reshape(rows, columns)
 
 
@@ -124,7 +125,7 @@ def _local_relief(terrain: Terrain) -> NDArray[np.float64]:
     rows, columns = elevation.shape
     if rows > most[0] or columns > most[1]:
         rows, columns = min(rows, most[0]), min(columns, most[1])
-        x, y = terrain.query_grid((rows, columns)).T
+        x, y = query_grid(terrain.extent, (rows, columns)).T
         elevation = terrain.elevation_at(x, y).reshape(rows, columns)
     return local_relief(elevation, terrain.extent)
 

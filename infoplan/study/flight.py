@@ -23,7 +23,7 @@ from infoplan.study.store import MissionTables, build_tables, read_table
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:
-    from infoplan.mission import CurveRow, Mission
+    from infoplan.scoring import State
 
 Report = Callable[[int, int, float | None], None]
 """Takes the number of a mission, the samples that it has collected, and its RMSE; at the start 0
@@ -124,13 +124,12 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
 
         look_again()
         with one_thread():
-            mission, epochs = _begun(task)
             rows = []
-            for row in epochs:
+            for state in _states(task):
                 _end_if_forked(process)
-                rows.append(row)
-                report(task.number, row.collected, row.rmse)
-            tables = build_tables(task.run, mission, rows)
+                rows.append(state.row)
+                report(task.number, state.row.collected, state.row.rmse)
+            tables = build_tables(task.run, task.seed, rows, state)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -144,21 +143,21 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
     return Outcome(task, time.perf_counter() - clock, tables, footer)
 
 
-def _begun(task: Task) -> tuple["Mission", Iterator["CurveRow"]]:
-    """Begin a task: its mission, and what gives a row after the pilot and each epoch."""
+def _states(task: Task) -> Iterator["State"]:
+    """Carry a task out, giving the mission's state after the pilot and each epoch."""
     config, terrain = task.run.config, task.run.terrain
     if task.flown is None:
-        from infoplan.mission import Mission
+        from infoplan.mission import explore
+        from infoplan.simulator import Simulator
 
-        mission = Mission(config, terrain, task.seed)
-        return mission, mission.run()
-    from infoplan.study.replayed import replayed_mission
+        return explore(config, Simulator(config, terrain, task.seed), task.seed)
+    from infoplan.study.replayed import explore_again
 
     samples, maps = (
         read_table(task.flown[0], name, task.flown[1], task.seed).to_pandas()
         for name in ("samples", "maps")
     )
-    return replayed_mission(config, terrain, task.seed, samples, maps)
+    return explore_again(config, task.seed, samples, maps)
 
 
 def _end_if_forked(process: int) -> None:
@@ -225,7 +224,8 @@ def get_ready(configs: list[MissionConfig], compiling: bool, report: Report) -> 
     report
         Called if compiling takes long.
     """
-    from infoplan.mission import Mission
+    from infoplan.mission import explore
+    from infoplan.simulator import Simulator
     from infoplan.terrain import load_terrain
 
     if any(config.detector.name == "pyod" for config in configs):
@@ -258,7 +258,7 @@ def get_ready(configs: list[MissionConfig], compiling: bool, report: Report) -> 
     for config in shrunk:
         with suppress(Exception), warnings.catch_warnings(action="ignore"):
             terrain = load_terrain("volcano", extent=config.terrain.extent)
-            for _ in Mission(config, terrain, seed=0).run():
+            for _ in explore(config, Simulator(config, terrain, seed=0), seed=0):
                 pass
     notice.cancel()
 

@@ -24,7 +24,7 @@ from infoplan.terrain import Terrain
 
 
 @dataclass(frozen=True)
-class Source:
+class FlownRun:
     """A stored run that is replayed.
 
     Attributes
@@ -43,7 +43,7 @@ class Source:
     seeds: list[int]
 
 
-def find_source(results_dir: Path, named: str) -> Source:
+def find_flown(results_dir: Path, named: str) -> FlownRun:
     """Find the stored run that a name, a hash, or the beginning of either stands for.
 
     Raises
@@ -61,10 +61,10 @@ def find_source(results_dir: Path, named: str) -> Source:
         raise RunError(broken.reason or f"{name} has gone meanwhile: run it again")
     footer = next(iter(done.values())).footer
     assert footer is not None
-    return Source(name, footer.config, footer.configuration, list(done))
+    return FlownRun(name, footer.config, footer.configuration, list(done))
 
 
-def identify_replay(source: Source, config: MissionConfig) -> Run:
+def identify_replay(source: FlownRun, config: MissionConfig) -> Run:
     """Name the replay of a run: ``replay-...``, a hash over the source's name, too.
 
     `Run.science` gets the key ``replay``, the name of the run that was flown. The terrain is known
@@ -88,7 +88,7 @@ def identify_replay(source: Source, config: MissionConfig) -> Run:
 
 def replay_study(
     results_dir: Path,
-    source: Source,
+    source: FlownRun,
     config: Config,
     seeds: Sequence[int] | None,
     listener: Listener,

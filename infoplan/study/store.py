@@ -44,7 +44,7 @@ from infoplan.tables import (
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:
-    from infoplan.mission import CurveRow, Mission
+    from infoplan.scoring import CurveRow, State
 
 FOOTER = b"infoplan"
 """Key of the JSON document in a table's Parquet metadata."""
@@ -87,16 +87,25 @@ class Stored:
     footer: Footer | None = None
 
 
-def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> MissionTables:
+def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State") -> MissionTables:
     """Lay a finished mission out as tables: the columns of `infoplan.tables`, and what rows add.
+
+    Parameters
+    ----------
+    run, seed
+        Whose.
+    rows
+        Of all its states.
+    last
+        The last of them.
 
     Raises
     ------
     RunError
         If an error is not finite though the truth is known: the model has predicted nonsense.
     """
-    config, seed, n = run.config, mission.seed, len(rows)
-    if np.isfinite(mission.grid_truth).all():
+    config, n, samples, maps = run.config, len(rows), last.samples, last.maps
+    if np.isfinite(maps.truth).all():
         for row in rows:
             _demand_finite(row, method_label(config.model))
     labels = {
@@ -106,7 +115,6 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
         "rho": config.rho,
         "terrain": run.terrain.name,
     }
-    samples = mission.samples
     return MissionTables(
         curves=lay_out(
             "curves",
@@ -133,13 +141,13 @@ def build_tables(run: Run, mission: "Mission", rows: "list[CurveRow]") -> Missio
         maps=lay_out(
             "maps",
             {
-                "seed": np.full(len(mission.grid), seed),
-                "x1": mission.grid[:, 0],
-                "x2": mission.grid[:, 1],
-                "truth": mission.grid_truth,
-                "mean": mission.mean,
-                "std": mission.latent_std,
-                "outlier_density": mission.outlier_density().ravel(),
+                "seed": np.full(len(maps.x), seed),
+                "x1": maps.x[:, 0],
+                "x2": maps.x[:, 1],
+                "truth": maps.truth,
+                "mean": maps.mean,
+                "std": maps.std,
+                "outlier_density": maps.outlier_density,
             },
         ),
     )

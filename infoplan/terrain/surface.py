@@ -83,26 +83,6 @@ class Terrain:
         upper = z[i + 1, j] * (1 - along_x) + z[i + 1, j + 1] * along_x
         return np.asarray(lower * (1 - along_y) + upper * along_y)
 
-    def query_grid(self, shape: tuple[int, int]) -> Floats:
-        """Nodes of an even grid over the workspace, borders included.
-
-        Parameters
-        ----------
-        shape
-            Number of rows along y and of columns along x, at least 2 each.
-
-        Returns
-        -------
-        ndarray, shape (rows * columns, 2)
-            x and y, row-major: x runs fastest.
-        """
-        rows, columns = shape
-        xmin, xmax, ymin, ymax = self.extent
-        y, x = np.meshgrid(
-            np.linspace(ymin, ymax, rows), np.linspace(xmin, xmax, columns), indexing="ij"
-        )
-        return np.column_stack([x.ravel(), y.ravel()])
-
 
 def array_digest(elevation: Floats) -> str:
     """SHA-256 of an array's elevations as little-endian doubles in C order."""

@@ -10,14 +10,13 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from flown import tables_of
 
 from infoplan.analyse.audit import audit_mission
 from infoplan.config import METHODS
-from infoplan.mission import Mission
 from infoplan.study.columns import values_digest
 from infoplan.study.identity import identify
 from infoplan.study.store import (
-    build_tables,
     save_mission,
     sealed,
     table_path,
@@ -30,8 +29,7 @@ def store(config, terrain, folder, **groups):
     config.model = replace(config.model, pilot_iterations=20, iterations=2)
     config.budget, config.rho = 220, 0.15
     run = identify(config, terrain)
-    mission = Mission(run.config, terrain, 2)
-    save_mission(folder, run, 2, build_tables(run, mission, list(mission.run())), {})
+    save_mission(folder, run, 2, tables_of(run, 2), {})
     return run.name
 
 

@@ -8,12 +8,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from flown import tables_of
 
 from infoplan.analyse.audit import audit_mission
 from infoplan.config import CopodConfig, DetectorConfig
-from infoplan.mission import Mission
 from infoplan.study.identity import identify
-from infoplan.study.store import build_tables, save_mission, table_path
+from infoplan.study.store import save_mission, table_path
 
 METHODS = list(
     itertools.product(["uct", "puct"], ["none", "best", "copod", "paper"], ["batch", "historical"])
@@ -22,8 +22,7 @@ METHODS = list(
 
 def store(config, terrain, folder: Path, seed: int = 2) -> str:
     run = identify(config, terrain)
-    mission = Mission(run.config, terrain, seed)
-    tables = build_tables(run, mission, list(mission.run()))
+    tables = tables_of(run, seed)
     save_mission(folder, run, seed, tables, {})
     return run.name
 

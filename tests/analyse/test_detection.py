@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flown import tables_of
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import precision_score, recall_score, roc_auc_score
@@ -17,9 +18,8 @@ from infoplan.analyse import (
     roc_auc,
 )
 from infoplan.config import Config, CopodConfig, DetectorConfig, TerrainConfig
-from infoplan.mission import Mission
 from infoplan.study.identity import identify
-from infoplan.study.store import build_tables, save_mission
+from infoplan.study.store import save_mission
 
 COPOD = {"name": "copod", "scope": "historical", "contamination": 0.1, "score": "pyod"}
 COUNTS = ["tp", "fp", "fn", "tn"]
@@ -51,8 +51,7 @@ def study(tmp_path_factory, volcano):
         DetectorConfig("best"),
     ):
         run = identify(replace(config, detector=detector), volcano)
-        mission = Mission(run.config, volcano, seed=1)
-        save_mission(folder, run, 1, build_tables(run, mission, list(mission.run())), {})
+        save_mission(folder, run, 1, tables_of(run, 1), {})
     return find_study(folder)
 
 

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from command import SMALL
 from command import infoplan as command
+from flown import tables_of
 
 import infoplan
 from infoplan.analyse.audit import audit_mission
@@ -19,7 +20,7 @@ from infoplan.cli import main
 from infoplan.errors import UsageError
 from infoplan.study.identity import identify
 from infoplan.study.locks import acquire
-from infoplan.study.store import build_tables, save_mission
+from infoplan.study.store import save_mission
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 
@@ -37,8 +38,7 @@ def flown(tmp_path_factory, volcano) -> Path:
         config = infoplan.configure(*short, *method, budget=230, rho=0.2)
         run = identify(config, volcano)
         for seed in (0, 1):
-            mission = infoplan.Mission(run.config, volcano, seed)
-            tables = build_tables(run, mission, list(mission.run()))
+            tables = tables_of(run, seed)
             save_mission(folder, run, seed, tables, {})
     return folder
 
@@ -207,8 +207,7 @@ def test_a_run_on_a_file_that_is_gone_is_replayed_from_its_tables(tmp_path, hill
     )  # fmt: skip
     terrain = infoplan.load_terrain(**vars(config.terrain))
     run = identify(config, terrain)
-    mission = infoplan.Mission(run.config, terrain, 0)
-    save_mission(tmp_path, run, 0, build_tables(run, mission, list(mission.run())), {})
+    save_mission(tmp_path, run, 0, tables_of(run, 0), {})
     again = replay(tmp_path, run.name, "detector=none")
     assert again.startswith("replay-puct-none-file-hills-rho0.1-batch-")
     science = yaml.safe_load((tmp_path / "runs" / f"{again}.yaml").read_text())
@@ -226,8 +225,7 @@ def test_a_replay_needs_no_planner_of_the_user_s(tmp_path, volcano, monkeypatch,
     short = [option for option in SMALL if not option.startswith(("planner", "seeds", "n_jobs"))]
     config = infoplan.configure(*short, "planner=own", "planner.function=gone.ahead")
     run = identify(config, volcano)
-    mission = infoplan.Mission(run.config, volcano, 0)
-    save_mission(tmp_path, run, 0, build_tables(run, mission, list(mission.run())), {})
+    save_mission(tmp_path, run, 0, tables_of(run, 0), {})
     module.unlink()
     monkeypatch.delitem(sys.modules, "gone")
     again = replay(tmp_path, run.name, "detector=none", "planner.smoothing=1")

@@ -5,10 +5,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from flown import tables_of
+
 from infoplan.config import Config, CopodConfig, DetectorConfig, TerrainConfig
-from infoplan.mission import Mission
 from infoplan.study.identity import identify
-from infoplan.study.store import build_tables, save_mission
+from infoplan.study.store import save_mission
 from infoplan.terrain import load_terrain
 
 METHODS = (("uct", "none"), ("uct", "best"), ("uct", "copod"), ("puct", "copod"))
@@ -30,5 +31,4 @@ def store(folder: Path, runs: Iterable[tuple] = RUNS, seeds: Sequence[int] = (0,
         search = replace(config.planner, name=planner, iterations=20)
         run = identify(replace(config, planner=search, detector=options, rho=rho), volcano)
         for seed in seeds:
-            mission = Mission(run.config, volcano, seed)
-            save_mission(folder, run, seed, build_tables(run, mission, list(mission.run())), {})
+            save_mission(folder, run, seed, tables_of(run, seed), {})

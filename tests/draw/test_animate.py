@@ -71,18 +71,18 @@ def test_a_replay_gives_the_stored_mission(planner, detector, scope, volcano, tm
     np.testing.assert_array_equal(last.samples.flagged, recording.samples["flagged"])
     maps = pd.read_parquet(table_path(tmp_path, "maps", run, 5))
     for column, values in (
-        ("mean", last.mean),
-        ("std", last.std),
-        ("outlier_density", last.density),
+        ("mean", last.maps.mean),
+        ("std", last.maps.std),
+        ("outlier_density", last.maps.outlier_density),
     ):
-        np.testing.assert_allclose(values.ravel(), maps[column], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(values, maps[column], rtol=1e-9, atol=1e-12)
 
 
 def test_the_replay_keeps_what_each_epoch_knew(states, recording):
     for state in states:
         rows = recording.samples[recording.samples["epoch"] <= state.row.epoch]
         np.testing.assert_array_equal(state.samples.x, rows[["x1", "x2"]])
-        error = state.mean - recording.truth
+        error = state.maps.mean - recording.truth.ravel()
         assert np.sqrt(np.mean(error**2)) == pytest.approx(state.row.rmse)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from flown import fly, tables_of
 
 from infoplan import tables
 from infoplan.analyse import find_study, load_curves, load_samples
@@ -17,7 +18,7 @@ from infoplan.analyse.audit import audit
 from infoplan.analyse.status import look_at_all
 from infoplan.draw.report import write_report
 from infoplan.errors import RunError
-from infoplan.mission import CurveRow, Mission
+from infoplan.scoring import CurveRow
 from infoplan.study.columns import lay_out, values_digest
 from infoplan.study.identity import identify
 from infoplan.study.store import (
@@ -136,8 +137,7 @@ def test_a_table_that_an_older_version_lacks_may_be_missing(folder, monkeypatch,
     monkeypatch.setitem(TABLES, "moments", extra)
     demand_sound(folder)
     run = identify(small, volcano)
-    mission = Mission(run.config, volcano, 0)
-    made = build_tables(run, mission, list(mission.run()))
+    made = tables_of(run, 0)
     made.moments = lay_out("moments", {"seed": [0, 0], "tide": [1.0, 2.0]})
     save_mission(folder, run, 0, made, {})
     assert read_table(folder, "moments", run.name, 0)["tide"].to_pylist() == [1.0, 2.0]
@@ -150,8 +150,8 @@ def test_a_table_that_an_older_version_lacks_may_be_missing(folder, monkeypatch,
 
 def test_a_row_s_further_fields_become_columns(small, volcano):
     """A column of the curve: in the schema and where it is computed, nowhere else."""
-    mission = Mission(small, volcano, 0)
-    rows = list(mission.run())
+    states = fly(small, volcano)
+    rows, last = [state.row for state in states], states[-1]
     longer = make_dataclass(
         "Longer", [("tide", float), ("learned", dict)], bases=(CurveRow,), frozen=True
     )
@@ -164,12 +164,12 @@ def test_a_row_s_further_fields_become_columns(small, volcano):
         for row in rows
     ]
     run = identify(small, volcano)
-    made = build_tables(run, mission, told).curves
+    made = build_tables(run, 0, told, last).curves
     assert made["tide"].to_pylist() == [0.5] * len(rows)
     assert made["alpha"].to_pylist() == [2.0] * len(rows)
     assert made["beta"].equals(made["rmse"])
     assert made.column_names == [*TABLES["curves"].columns, "tide", "alpha", "beta"]
-    assert build_tables(run, mission, rows).curves.column_names == list(TABLES["curves"].columns)
+    assert build_tables(run, 0, rows, last).curves.column_names == list(TABLES["curves"].columns)
 
 
 def test_the_row_of_a_curve_is_what_the_schema_says():
@@ -185,8 +185,7 @@ def test_a_column_that_every_file_has_cannot_be_left_out():
 
 def test_files_say_what_their_columns_are(tmp_path, small, volcano):
     run = identify(small, volcano)
-    mission = Mission(run.config, volcano, 0)
-    save_mission(tmp_path, run, 0, build_tables(run, mission, list(mission.run())), {})
+    save_mission(tmp_path, run, 0, tables_of(run, 0), {})
     for name, table in TABLES.items():
         schema = pq.read_schema(table_path(tmp_path, name, run.name, 0))
         for column in table.columns.values():

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from command import infoplan as command
+from flown import fly, tables_of
 from studies import SABOTEUR, quick, study
 
 from infoplan.analyse import find_missions
@@ -21,7 +22,6 @@ from infoplan.analyse.audit import audit, audit_mission
 from infoplan.analyse.status import look_at_all
 from infoplan.cli import main
 from infoplan.errors import RunError, UsageError
-from infoplan.mission import Mission
 from infoplan.study import store as stored
 from infoplan.study.columns import values_digest
 from infoplan.study.estimate import learn
@@ -341,8 +341,7 @@ def test_a_file_is_on_the_disk_before_it_is_seen(tmp_path, volcano, small, monke
 
     monkeypatch.setattr(Path, "replace", replace_file)
     run = identify(small, volcano)
-    mission = Mission(run.config, volcano, 0)
-    save_mission(tmp_path, run, 0, build_tables(run, mission, list(mission.run())), {})
+    save_mission(tmp_path, run, 0, tables_of(run, 0), {})
     stored.save_failure(tmp_path, run.name, 1, "it failed")
     written = [path for path in done if "seed=" in path or path.endswith(".yaml")]
     assert [Path(path).suffix for path in written] == [".yaml", *[".parquet"] * 3, ".txt"]
@@ -353,16 +352,16 @@ def test_a_file_is_on_the_disk_before_it_is_seen(tmp_path, volcano, small, monke
 
 def test_an_infinite_error_is_a_failed_mission(tmp_path, volcano, small):
     run = identify(small, volcano)
-    mission = Mission(run.config, volcano, 0)
-    rows = list(mission.run())
+    states = fly(run.config, volcano)
+    rows, last = [state.row for state in states], states[-1]
     for wrong in (np.inf, np.nan):
         spoilt = [*rows[:-1], replace(rows[-1], rmse=wrong)]
         with pytest.raises(
             RunError, match=rf"model gp .* epoch {rows[-1].epoch} \(rmse is {wrong}"
         ):
-            build_tables(run, mission, spoilt)
-    mission.grid_truth = np.full_like(mission.grid_truth, np.nan)
-    assert build_tables(run, mission, spoilt)
+            build_tables(run, 0, spoilt, last)
+    unknown = replace(last.maps, truth=np.full_like(last.maps.truth, np.nan))
+    assert build_tables(run, 0, spoilt, replace(last, maps=unknown))
 
 
 # Functions of somebody else's
@@ -393,8 +392,7 @@ def theirs(tmp_path, volcano, small, monkeypatch):
     sys.modules.pop("theirs", None)
     small.detector = replace(_own(), function="theirs.jumps")
     run = identify(small, volcano)
-    mission = Mission(run.config, volcano, 0)
-    save_mission(place / "results", run, 0, build_tables(run, mission, list(mission.run())), {})
+    save_mission(place / "results", run, 0, tables_of(run, 0), {})
     del sys.modules["theirs"]
     mark.unlink()
     yield run.name, mark, module

@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 from studies import OPTIONS, curves, quick
 
+import infoplan
 from infoplan import machine as this_machine
 from infoplan import mission_cost
 from infoplan.cli import main
 from infoplan.config import GpConfig, StudentTConfig, seed_list
 from infoplan.errors import UsageError
-from infoplan.mission import Mission
 from infoplan.study import limits
 
 GB = 1e9
@@ -89,7 +89,7 @@ def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, t
 
 def test_a_mission_from_python_is_refused_too(machine, volcano):
     with pytest.raises(UsageError, match=r"budget=100000000 needs about"):
-        Mission(replace(quick(), budget=100_000_000), volcano, 0)
+        infoplan.fly(replace(quick(), budget=100_000_000), terrain=volcano)
 
 
 def test_workers_are_as_many_as_the_memory_holds(machine, monkeypatch):
@@ -174,10 +174,9 @@ def test_estimates_are_near_what_missions_take(options):
     code = """
 import pickle, resource, sys
 from infoplan.api import configure, load_terrain
-from infoplan.mission import Mission
+from infoplan.study import flight as worker
 from infoplan.study.identity import identify
 from infoplan.mission_cost import memory_of
-from infoplan.study.store import build_tables
 
 terrain = load_terrain("volcano")
 
@@ -186,8 +185,7 @@ def fly(*options):
     config = configure("terrain=volcano", "detector=none", "planner=random", "grid=[10,10]",
                        "model.pilot_iterations=1", "model.iterations=1", *options)
     run = identify(config, terrain)
-    mission = Mission(run.config, terrain, 0)
-    pickle.dumps(build_tables(run, mission, list(mission.run())))
+    pickle.dumps(worker.fly(worker.Task(run, 0, 0)).tables)
     return memory_of(config), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 

@@ -22,7 +22,6 @@ from infoplan.hydra_front.compose import Composer
 from infoplan.hydra_front.explain import explain
 from infoplan.hydra_front.front import compose_and
 from infoplan.hydra_front.overrides import expand
-from infoplan.mission import Mission
 from infoplan.study.identity import identify
 from infoplan.study.runner import merge_runs
 
@@ -247,7 +246,7 @@ def test_an_experiment_needs_no_more_imports_when_all_is_there(tmp_path):
 def test_hydras_own_launcher_runs_single_configurations(failing, tmp_path, capfd, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if failing:
-        monkeypatch.setattr(Mission, "run", lambda mission: 1 / 0)
+        monkeypatch.setattr("infoplan.mission.explore", lambda *_: 1 / 0)
     options = [
         *OPTIONS,
         "backend=sequential",

@@ -10,6 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.interpolate import RegularGridInterpolator
 
 from infoplan.errors import UsageError
+from infoplan.extent import query_grid
 from infoplan.terrain import Terrain, load_terrain
 
 RAMP = np.add.outer(100.0 * np.arange(3), np.arange(5))  # rises by 100 a row, by 1 a column
@@ -69,13 +70,13 @@ def test_locations_outside_are_refused(x1, x2):
 
 
 def test_query_grid_runs_along_x_first_and_includes_the_borders():
-    grid = terrain().query_grid((3, 2))
+    grid = query_grid(terrain().extent, (3, 2))
     assert grid.tolist() == [[0, 10], [8, 10], [0, 12], [8, 12], [0, 14], [8, 14]]
 
 
 def test_query_grid_of_the_map_s_own_shape_gives_the_map_back():
     surface = terrain(np.random.default_rng(0).normal(size=(7, 11)))
-    grid = surface.query_grid((7, 11))
+    grid = query_grid(surface.extent, (7, 11))
     found = surface.elevation_at(grid[:, 0], grid[:, 1]).reshape(7, 11)
     np.testing.assert_allclose(found, surface.elevation, atol=1e-12)
 

@@ -32,22 +32,22 @@ class Finder(importlib.abc.MetaPathFinder):
 
 
 def sabotage(module):
-    honest = module.Mission.run
+    honest = module.explore
     plan = dict.fromkeys(filter(None, os.environ.get("SABOTAGE", "").split(",")))
 
-    def run(self):
-        for row in honest(self):
-            if self.config.budget < 100:  # the one that compiles
-                yield row
+    def explore(config, source, seed):
+        for state in honest(config, source, seed):
+            if config.budget < 100:  # the one that compiles
+                yield state
                 continue
             time.sleep(float(os.environ.get("SLOW", "0")))
-            if row.epoch == 1:
-                for what, _, seed in (entry.partition(":") for entry in plan):
-                    if int(seed) == self.seed:
-                        misbehave(what, self.seed)
-            yield row
+            if state.row.epoch == 1:
+                for what, _, sabotaged in (entry.partition(":") for entry in plan):
+                    if int(sabotaged) == seed:
+                        misbehave(what, seed)
+            yield state
 
-    module.Mission.run = run
+    module.explore = explore
 
 
 def misbehave(what, seed):

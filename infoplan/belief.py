@@ -1,0 +1,263 @@
+"""What is believed of a terrain that nobody sees, and where to go next."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infoplan.answers import checked_actions, checked_drive, checked_prediction, checked_verdict
+from infoplan.config import MissionConfig
+from infoplan.detect import Evidence
+from infoplan.errors import RunError
+from infoplan.extent import Extent, query_grid
+from infoplan.methods import find, method_label
+from infoplan.plan import Situation, count_flags, smooth
+from infoplan.randomness import generator
+from infoplan.robot import steering_angles, turn_on_the_spot
+from infoplan.samples import Readings, joined
+from infoplan.threads import one_thread
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LARGEST = 1e100
+"""Largest measurement in size: its cube, which detectors sum, is still a number."""
+
+TURNS = 16
+"""Turns on the spot that come round once."""
+
+
+class Belief:
+    """Model, detector, outlier matrix and planner of a mission, taught by its samples.
+
+    Parameters
+    ----------
+    config
+        The mission's options, valid (`infoplan.config.validate`).
+    extent
+        xmin, xmax, ymin, ymax of the workspace.
+    seed
+        Of all random streams.
+    pilot
+        The samples that fit the scalers and the model's first hyperparameters (Algorithm 1, lines
+        2 and 3).
+
+    Attributes
+    ----------
+    readings
+        All samples so far.
+    epochs
+        Decision epoch that collected each, 0 for the pilot, shape (n,).
+    flagged, score
+        The detector's last verdict on each; never judged: False and NaN.
+    judged
+        Which of them the last epoch has judged.
+    epoch
+        Number of decisions whose samples are in.
+    model
+        As of now.
+    nodes
+        Query grid, row-major, shape (rows * columns, 2).
+    mean, std, lml
+        The model's latent prediction on it, terrain's unit, and log marginal likelihood (NaN if it
+        tells none).
+    seconds
+        Latest duration of each part of an epoch.
+
+    Raises
+    ------
+    UsageError
+        If a planner, detector or model of the user's own cannot be had.
+    RunError
+        If a measurement is beyond 1e100, or the model cannot take the pilot.
+    """
+
+    def __init__(self, config: MissionConfig, extent: Extent, seed: int, pilot: Readings):
+        self.config = config
+        self.extent = extent
+        self.seed = seed
+        self._planner = find("planner", config.planner)
+        self._detector = find("detector", config.detector)
+        new_model = find("model", config.model)
+        self._steering = steering_angles(config.robot.max_steering, config.robot.steering_angles)
+        rows, columns = config.grid
+        self._shape = (rows, columns)
+        self.nodes = query_grid(extent, self._shape)
+        self._flag_counts: NDArray[Any] = np.zeros(self._shape)
+        self.seconds = {"plan": 0.0, "fit": 0.0, "predict": 0.0, "detect": 0.0}
+        self.epoch = 0
+        self.readings = _checked_size(pilot)
+        self.epochs, self.flagged, self.score = _unjudged(pilot, 0)
+        self.judged = slice(0, 0)
+        with self._timed("fit"):
+            self.model = new_model(pilot.x.copy(), pilot.measured.copy())
+            self.model.optimize(config.model.pilot_iterations)
+        self.mean, self.std, self.lml = self._predict()
+
+    @property
+    def collected(self) -> int:
+        """Number of samples collected so far, the pilot's included."""
+        return len(self.readings)
+
+    def plan(self) -> Floats:
+        """Plan the next trajectory from where the last sample was taken (line 6).
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Poses x1, x2, heading at the samples, cut to the remaining budget.
+
+        Raises
+        ------
+        RunError
+            If the planner gives no plan that can be driven.
+        """
+        rng = generator(self.seed, "planner", self.epoch + 1)
+        with self._timed("plan"):
+            situation = self._situation()
+            actions = self._ask_planner(situation, rng)
+            for _ in range(TURNS):
+                if len(actions):
+                    break
+                situation = replace(situation, pose=turn_on_the_spot(situation.pose))
+                actions = self._ask_planner(situation, rng)
+            trajectory = checked_drive(situation, actions, method_label(self.config.planner))
+        return trajectory[: self.config.budget - self.collected]
+
+    def learn(self, batch: Readings) -> None:
+        """Detect the outliers, drop them, and teach the model the clean data (lines 8 to 10, 5).
+
+        Raises
+        ------
+        RunError
+            If a measurement is beyond 1e100, the detector gives no verdict, or the model's
+            prediction is none.
+        """
+        self.epoch += 1
+        # New arrays: those of before belong to the states that were told.
+        self.readings = joined(self.readings, _checked_size(batch))
+        self.epochs, self.flagged, self.score = (
+            np.concatenate(pair)
+            for pair in zip(
+                (self.epochs, self.flagged, self.score), _unjudged(batch, self.epoch), strict=True
+            )
+        )
+        historical = self.config.detector.scope == "historical"
+        self.judged = slice(0 if historical else -len(batch), None)
+        with self._timed("detect"):
+            self._judge()
+            flags = self.readings.x[self.judged][self.flagged[self.judged]]
+            counts = count_flags(flags, self.extent, self._shape)
+            self._flag_counts = counts if historical else self._flag_counts + counts
+        with self._timed("fit"):
+            kept = ~self.flagged[self.judged]
+            x, measured = self.readings.x[self.judged], self.readings.measured[self.judged]
+            (self.model.replace if historical else self.model.append)(x[kept], measured[kept])
+            per_sample = self.config.model.iterations == "per_sample"
+            self.model.optimize(len(batch) if per_sample else int(self.config.model.iterations))
+        self.mean, self.std, self.lml = self._predict()
+
+    def outlier_density(self) -> Floats:
+        """Outlier matrix smoothed by a Gaussian (paper, Fig. 3b), shape of the query grid."""
+        return smooth(self._flag_counts, self.config.planner.smoothing, self.extent)
+
+    def _situation(self) -> Situation:
+        """Gather what the planner is given."""
+        robot, readings = self.config.robot, self.readings
+        return Situation(
+            pose=np.append(readings.x[-1], readings.heading[-1]),
+            std=_locked(self._reward_std().reshape(self._shape)),
+            outlier_density=self.outlier_density(),
+            extent=self.extent,
+            speed=robot.speed,
+            samples_per_action=robot.samples_per_action,
+            steering=self._steering,
+            visited=_locked(readings.x),
+            n_pilot=int(np.sum(self.epochs == 0)),
+            epoch=self.epoch + 1,
+            budget=self.config.budget,
+        )
+
+    def _ask_planner(self, situation: Situation, rng: np.random.Generator) -> Integers:
+        plan = self._planner(situation, rng)
+        checked = checked_actions(plan, situation, method_label(self.config.planner))
+        return checked[: self.config.planner.execute_actions]
+
+    def _reward_std(self) -> Floats:
+        """Give the standard deviation on the query grid that rewards the planner."""
+        if not getattr(self.config.planner, "noisy_std", False):
+            return self.std
+        noise = number_of(self.model, "observation_noise_std")
+        if np.isnan(noise):
+            raise RunError(
+                "planner.noisy_std=true needs a model with observation_noise_std, which "
+                f"{method_label(self.config.model)} has not: leave planner.noisy_std=false"
+            )
+        return np.hypot(self.std, noise)
+
+    def _judge(self) -> None:
+        """Ask the detector for its verdict on the samples that are to be judged."""
+        readings, label = self.readings, method_label(self.config.detector)
+        asked = np.zeros(len(readings), dtype=bool)
+        asked[self.judged] = True
+        evidence = Evidence(
+            _locked(readings.x),
+            _locked(readings.measured),
+            _locked(self.epochs),
+            _locked(self.flagged),
+            _locked(asked),
+            None if readings.is_outlier is None else _locked(readings.is_outlier),
+        )
+        rng = generator(self.seed, "detector", self.epoch)
+        verdict = self._detector(evidence, self.model, rng)
+        flagged, score = checked_verdict(verdict, len(readings), label)
+        self.flagged[self.judged] = flagged[self.judged]
+        self.score[self.judged] = score[self.judged]
+
+    def _predict(self) -> tuple[Floats, Floats, float]:
+        """Predict the query grid (line 5)."""
+        with self._timed("predict"):
+            mean, std = checked_prediction(
+                self.model.predict(self.nodes), len(self.nodes), method_label(self.config.model)
+            )
+            return mean, std, number_of(self.model, "log_marginal_likelihood")
+
+    @contextmanager
+    def _timed(self, part: str) -> Iterator[None]:
+        start = perf_counter()
+        with one_thread():
+            yield
+        self.seconds[part] = perf_counter() - start
+
+
+def number_of(owner: Any, name: str) -> float:
+    """Return a number that a model tells of itself; NaN if it does not."""
+    return float(getattr(owner, name, np.nan))
+
+
+def _unjudged(batch: Readings, epoch: int) -> tuple[Integers, NDArray[np.bool_], Floats]:
+    """Epoch, verdict and score of samples that nobody has judged."""
+    n = len(batch)
+    return np.full(n, epoch), np.zeros(n, dtype=bool), np.full(n, np.nan)
+
+
+def _checked_size(batch: Readings) -> Readings:
+    """Refuse measurements with whose size nothing can be computed."""
+    if not np.all(np.abs(batch.measured) <= LARGEST):
+        worst = batch.measured[np.argmax(~(np.abs(batch.measured) <= LARGEST))]
+        raise RunError(
+            f"a measurement is {worst:.3g}, beyond {LARGEST:g} in size: make sensor.noise_std, "
+            "outliers.amplitude or the terrain's elevations smaller"
+        )
+    return batch
+
+
+def _locked(array: NDArray[Any]) -> NDArray[Any]:
+    """View of an array that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

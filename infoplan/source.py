@@ -1,0 +1,73 @@
+"""Where samples come from: a source gives them on request, and alone knows the truth."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infoplan.extent import Extent
+from infoplan.samples import Batch, Samples
+
+Floats = NDArray[np.float64]
+
+
+class Source(Protocol):
+    """What gives samples, batch by batch.
+
+    Attributes
+    ----------
+    extent
+        xmin, xmax, ymin, ymax of the workspace.
+    grid_truth
+        Elevation at the nodes of the query grid, row-major, terrain's unit; NaN where unknown.
+    is_steered
+        Whether it goes where it is told; else it gives the next batch that there is.
+    """
+
+    extent: Extent
+    grid_truth: Floats
+    is_steered: bool
+
+    def pilot(self) -> Batch:
+        """Give the samples from before any planning."""
+        ...
+
+    def sample(self, epoch: int, trajectory: Floats | None) -> Batch:
+        """Give the samples of an epoch, from 1, along a trajectory where it is steered.
+
+        Parameters
+        ----------
+        epoch
+            Which.
+        trajectory
+            Poses x1, x2, heading at the samples, shape (n, 3).
+        """
+        ...
+
+
+class StoredSource:
+    """A mission that was flown: its samples once more, whatever is planned.
+
+    Parameters
+    ----------
+    samples
+        All of them.
+    extent, grid_truth
+        As of `Source`.
+    """
+
+    is_steered = False
+
+    def __init__(self, samples: Samples, extent: Extent, grid_truth: Floats):
+        self.samples = samples
+        self.extent = extent
+        self.grid_truth = grid_truth
+
+    def pilot(self) -> Batch:
+        """Give the samples of the pilot."""
+        return self.sample(0, None)
+
+    def sample(self, epoch: int, trajectory: Floats | None) -> Batch:
+        """Give the samples of an epoch."""
+        part = self.samples[self.samples.epoch == epoch]
+        return Batch(part.x, part.heading, part.measured, part.is_outlier, part.truth)
