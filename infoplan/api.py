@@ -18,7 +18,7 @@ from infoplan.scoring import CurveRow, State, assess
 from infoplan.simulator import Simulator
 from infoplan.terrain import Terrain, load_terrain
 from infoplan.terrain.surface import array_digest
-from infoplan.text_options import as_value
+from infoplan.text_options import as_value, renamed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,7 +74,8 @@ def configure(*overrides: str, **options: Any) -> MissionConfig:
     """
     from infoplan.hydra_front.compose import compose
 
-    written = [*overrides, *(f"{name}={as_value(name, value)}" for name, value in options.items())]
+    named = {renamed(name): value for name, value in options.items()}
+    written = [*overrides, *(f"{name}={as_value(name, value)}" for name, value in named.items())]
     names = [item.name for item in fields(MissionConfig)]
     for override in written:
         name = override.partition("=")[0].lstrip("+")

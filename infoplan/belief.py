@@ -251,7 +251,7 @@ def _checked_size(batch: Readings) -> Readings:
         worst = batch.measured[np.argmax(~(np.abs(batch.measured) <= LARGEST))]
         raise RunError(
             f"a measurement is {worst:.3g}, beyond {LARGEST:g} in size: make sensor.noise_std, "
-            "outliers.amplitude or the terrain's elevations smaller"
+            "fault.amplitude or the terrain's elevations smaller"
         )
     return batch
 

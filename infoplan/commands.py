@@ -27,6 +27,7 @@ from infoplan.command_line import (
     setting,
 )
 from infoplan.errors import UsageError
+from infoplan.text_options import renamed
 
 if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
@@ -559,8 +560,9 @@ def call(arguments: list[str]) -> int:
 
 def _enter(arguments: list[str]) -> int:
     width = page_width()
+    words = [renamed(word) if "=" in word else word for word in arguments]
     with infoplan.make_context(
-        "infoplan", list(arguments), terminal_width=width, max_content_width=width
+        "infoplan", words, terminal_width=width, max_content_width=width
     ) as ctx:
         return int(infoplan.invoke(ctx) or 0)
 
@@ -576,7 +578,10 @@ def _wanted(results_dir: Path, filters: dict[str, Any]) -> dict[str, Any]:
     """Name filters as the tables do."""
     from infoplan.study.run_names import find_run
 
-    wanted = {"model.name" if name == "model" else name: value for name, value in filters.items()}
+    wanted = {
+        f"{name}.name" if name in ("model", "fault") else name: value
+        for name, value in filters.items()
+    }
     if isinstance(wanted.get("replay"), str):
         wanted["replay"] = find_run(results_dir, wanted["replay"])
     return wanted

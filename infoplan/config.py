@@ -368,6 +368,39 @@ class OwnModelConfig(ModelConfig):
     options: dict[str, Any] = option({}, "keyword-only parameters of its constructor")
 
 
+@dataclass
+class FaultConfig:
+    """What all faults of the sensor have."""
+
+    name: str = option("", "fault")
+
+
+@dataclass
+class SpikeConfig(FaultConfig):
+    """Single measurements far off, either way."""
+
+    name: str = option("spike", "fault", choices=("spike",))
+    count: str = option(
+        "round",
+        "spikes in a batch of n: rho n rounded half to even, its floor, or n draws",
+        choices=("round", "floor", "bernoulli"),
+    )
+    amplitude: list[float] = option(
+        [1.0, 2.0],
+        "bounds of the uniform amplitude, times the data range",
+        at_least=0,
+        at_most=1e9,
+        length=2,
+    )
+    quantiles: list[float] = option(
+        [0.05, 0.95],
+        "quantiles between which the batch's data range lies",
+        at_least=0,
+        at_most=1,
+        length=2,
+    )
+
+
 METHODS: dict[str, dict[str, Any]] = {
     "planner": {
         "uct": TreeSearchConfig(name="uct"),
@@ -388,8 +421,12 @@ METHODS: dict[str, dict[str, Any]] = {
         "own": OwnDetectorConfig(),
     },
     "model": {"gp": GpConfig(), "student_t": StudentTConfig(), "own": OwnModelConfig()},
+    "fault": {"spike": SpikeConfig()},
 }
-"""The options of every planner, detector and model, with their defaults."""
+"""The options of every planner, detector, model and fault, with their defaults."""
+
+RENAMED = {"outliers": "fault"}
+"""Groups that had another name in version 0.1, by that name; it is still understood."""
 
 GROUPS: dict[str, dict[str, Any]] = {
     **METHODS,
@@ -426,7 +463,7 @@ class PilotConfig:
     """The path driven before any planning: a Bezier curve."""
 
     samples: int = option(100, "samples along the curve", at_least=3)
-    outliers: bool = option(False, "the pilot samples get spikes, too")
+    outliers: bool = option(False, "the sensor's fault spoils the pilot samples, too")
     control_points: list[list[float]] = option(
         [
             [0.25, 0.0],
@@ -467,31 +504,6 @@ class SensorConfig:
     )
 
 
-@dataclass
-class OutliersConfig:
-    """Spikes added to the measurements of a batch."""
-
-    count: str = option(
-        "round",
-        "spikes in a batch of n: rho n rounded half to even, its floor, or n draws",
-        choices=("round", "floor", "bernoulli"),
-    )
-    amplitude: list[float] = option(
-        [1.0, 2.0],
-        "bounds of the uniform amplitude, times the data range",
-        at_least=0,
-        at_most=1e9,
-        length=2,
-    )
-    quantiles: list[float] = option(
-        [0.05, 0.95],
-        "quantiles between which the batch's data range lies",
-        at_least=0,
-        at_most=1,
-        length=2,
-    )
-
-
 if TYPE_CHECKING:
     Read = TypeVar("Read", covariant=True)
     Written = TypeVar("Written", contravariant=True)
@@ -508,6 +520,9 @@ if TYPE_CHECKING:
 
     class AnyModel(GpConfig, StudentTConfig, OwnModelConfig):
         """Options of all models."""
+
+    class AnyFault(SpikeConfig):
+        """Options of all faults."""
 
     class Choice(Generic[Read, Written]):
         """A field that takes one of several schemas, and is read as if it were all."""
@@ -526,16 +541,17 @@ class MissionConfig:
         detector: Choice[AnyDetector, DetectorConfig] = Choice()
         terrain: Choice[AnyTerrain, TerrainConfig] = Choice()
         model: Choice[AnyModel, ModelConfig] = Choice()
+        fault: Choice[AnyFault, FaultConfig] = Choice()
     else:
         planner: PlannerConfig = field(default_factory=TreeSearchConfig)
         detector: DetectorConfig = field(default_factory=CopodConfig)
         terrain: TerrainConfig = field(default_factory=HelensConfig)
         model: ModelConfig = field(default_factory=GpConfig)
+        fault: FaultConfig = field(default_factory=SpikeConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     pilot: PilotConfig = field(default_factory=PilotConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
-    outliers: OutliersConfig = field(default_factory=OutliersConfig)
-    rho: float = option(0.1, "share of a batch that becomes spikes", at_least=0, at_most=1)
+    rho: float = option(0.1, "expected share of outliers in a batch", at_least=0, at_most=1)
     budget: int = option(2000, "samples of a mission, the pilot's included", at_least=1)
     grid: list[int] = option(
         [50, 50], "nodes of the query grid along y and x", at_least=2, length=2
@@ -598,12 +614,12 @@ def validate(config: MissionConfig) -> None:
             f"budget={config.budget} leaves nothing to plan: it counts the pilot and must be above "
             f"pilot.samples={config.pilot.samples}"
         )
-    for name, bounds in (
-        ("outliers.amplitude", config.outliers.amplitude),
-        ("outliers.quantiles", config.outliers.quantiles),
-    ):
+    for name in ("amplitude", "quantiles"):
+        bounds = getattr(config.fault, name, [0, 0])
         if bounds[0] > bounds[1]:
-            raise UsageError(f"{name}={bounds} is the wrong way round: the smaller bound is first")
+            raise UsageError(
+                f"fault.{name}={bounds} is the wrong way round: the smaller bound is first"
+            )
     iterations = config.model.iterations
     if isinstance(iterations, bool) or not isinstance(iterations, int | str):
         raise UsageError(f"model.iterations={iterations} must be a whole number or per_sample")

@@ -1,7 +1,8 @@
 """Who a method is: its name for people, and how it is drawn.
 
-A method is a planner, a detector and a model. Everything that shows methods, in words or lines,
-takes their names and looks from here, and never reads them back out of a name.
+A method is a planner, a detector and a model; the fault that it has to stand is told with it.
+Everything that shows methods, in words or lines, takes their names and looks from here, and never
+reads them back out of a name.
 """
 
 from collections import Counter
@@ -25,12 +26,12 @@ Dashes = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Choice:
-    """A planner, detector or model.
+    """A planner, detector, model or fault.
 
     Attributes
     ----------
     group
-        ``planner``, ``detector`` or ``model``.
+        ``planner``, ``detector``, ``model`` or ``fault``.
     name
         As in tables: ``uct``, ``pyod_ecod``, or the name of a function of the user's.
     function
@@ -48,13 +49,17 @@ class Choice:
         return self.function if mistaken else self.name.upper()
 
 
+GP, SPIKE = Choice("model", "gp"), Choice("fault", "spike")
+"""The paper's, which labels do not tell."""
+
+
 @dataclass(frozen=True)
 class Method:
-    """A planner, a detector and a model.
+    """A planner, a detector and a model, and the fault that they face.
 
     Attributes
     ----------
-    planner, detector, model
+    planner, detector, model, fault
         The choices.
     replayed
         The planner has not planned: a flown run's samples were judged and fitted anew.
@@ -64,6 +69,7 @@ class Method:
     detector: Choice
     model: Choice
     replayed: bool = False
+    fault: Choice = SPIKE
 
     @property
     def label(self) -> str:
@@ -77,9 +83,9 @@ class Method:
 
     @property
     def choices(self) -> tuple[Choice, ...]:
-        """Planner and detector, and the model if it is not the usual one."""
-        usual = self.model == Choice("model", "gp")
-        return (self.planner, self.detector, *(() if usual else (self.model,)))
+        """Planner and detector, and model and fault where they are not the usual ones."""
+        unusual = [one for one in (self.model, self.fault) if one not in (GP, SPIKE)]
+        return (self.planner, self.detector, *unusual)
 
     @property
     def can_err(self) -> bool:
@@ -134,11 +140,11 @@ def method_of(options: Mapping[str, Any]) -> Method:
     KeyError
         If the configuration lacks a choice.
     """
-    planner, detector, model = (
+    planner, detector, model, fault = (
         Choice(group, str(options[f"{group}.name"]), str(options.get(f"{group}.function") or ""))
-        for group in ("planner", "detector", "model")
+        for group in METHODS
     )
-    return Method(planner, detector, model, replayed=REPLAY in options)
+    return Method(planner, detector, model, replayed=REPLAY in options, fault=fault)
 
 
 def labels(methods: Iterable[Method]) -> dict[Method, str]:

@@ -1,4 +1,4 @@
-"""Planners, detectors and models by their options: built-in by name, the user's by dotted path."""
+"""Planners, detectors, models, faults by their options: built-in ones, the user's by their path."""
 
 import hashlib
 import inspect
@@ -25,6 +25,7 @@ OF_THE_MISSION = {
     "planner": ("name", "execute_actions", "smoothing", "noisy_std"),
     "detector": ("name", "scope"),
     "model": ("name", "pilot_iterations", "iterations"),
+    "fault": ("name",),
 }
 """Options of a method that the mission itself reads; the others are the method's arguments."""
 
@@ -32,6 +33,7 @@ TAKES = {
     "planner": ("situation", "rng"),
     "detector": ("samples", "model", "rng"),
     "model": ("x_pilot", "y_pilot"),
+    "fault": ("sensed", "state", "rho", "rng"),
 }
 """What a method of each group is called with, besides its options."""
 
@@ -42,7 +44,7 @@ def find(group: str, options: Any) -> Callable[..., Any]:
     Parameters
     ----------
     group
-        ``planner``, ``detector`` or ``model``.
+        A key of `infoplan.config.METHODS`.
     options
         Its dataclass, out of `infoplan.config.METHODS`.
 
@@ -68,7 +70,7 @@ def find(group: str, options: Any) -> Callable[..., Any]:
 
 
 def method_label(options: Any) -> str:
-    """Name of a planner, detector or model in tables and names of runs.
+    """Name of a planner, detector, model or fault in tables and names of runs.
 
     The name of the choice; for a detector of PyOD ``pyod_`` and its class, for a method of the
     user's the name of the function.
@@ -120,7 +122,7 @@ def complete(config: MissionConfig) -> MissionConfig:
 
 
 def stored_methods(config: MissionConfig) -> dict[str, dict[str, Any]]:
-    """Give planner, detector and model as they stand in a run's YAML, and decide its hash.
+    """Give planner, detector, model and fault as they stand in a run's YAML, and decide its hash.
 
     Parameters
     ----------
@@ -185,6 +187,10 @@ def _built_in(group: str) -> dict[str, Callable[..., Any]]:
         from infoplan.detect import DETECTORS
 
         return DETECTORS
+    if group == "fault":
+        from infoplan.fault import FAULTS
+
+        return FAULTS
     from infoplan.model import MODELS
 
     return MODELS

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-STREAMS = ("pilot", "sensor", "spikes", "planner", "detector")
+STREAMS = ("pilot", "sensor", "fault", "planner", "detector")
 
 
 def generator(seed: int, stream: str, epoch: int | None = None) -> np.random.Generator:

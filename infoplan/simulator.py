@@ -1,14 +1,17 @@
 """The simulator: a robot with a sensor on a known terrain."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.config import MissionConfig
 from infoplan.extent import query_grid
+from infoplan.fault import Corrupted, Sensed
+from infoplan.methods import find
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path
 from infoplan.samples import Batch
-from infoplan.sensing import add_spikes
 from infoplan.terrain import Terrain
 
 Floats = NDArray[np.float64]
@@ -40,6 +43,9 @@ class Simulator:
         x, y = query_grid(terrain.extent, (rows, columns)).T
         self.grid_truth = terrain.elevation_at(x, y)
         self._sensor_rng = generator(seed, "sensor")
+        self._fault = find("fault", config.fault)
+        self._fault_state: Any = None
+        self._time = 0
 
     def pilot_path(self) -> Floats:
         """Poses along the Bezier curve that circles the workspace, shape (n, 3)."""
@@ -51,24 +57,25 @@ class Simulator:
         return self.sample(0, self.pilot_path())
 
     def sample(self, epoch: int, trajectory: Floats | None) -> Batch:
-        """Sense the terrain along a trajectory; the sensor's fault is part of it."""
+        """Sense the terrain along a trajectory, noise and fault of the sensor included."""
         assert trajectory is not None
-        x, n = trajectory[:, :2], len(trajectory)
+        x, heading = trajectory[:, :2], trajectory[:, 2]
         truth = self.terrain.elevation_at(x[:, 0], x[:, 1])
         rng = self._sensor_rng if epoch else generator(self.seed, "pilot")
         measured = measure(truth, self.config.sensor.noise_std, rng)
-        is_outlier = np.zeros(n, dtype=bool)
-        if epoch or self.config.pilot.outliers:
-            outliers = self.config.outliers
-            measured, is_outlier = add_spikes(
-                measured,
-                self.config.rho,
-                generator(self.seed, "spikes", epoch),
-                count=outliers.count,
-                amplitude=outliers.amplitude,
-                quantiles=outliers.quantiles,
-            )
-        return Batch(x, trajectory[:, 2], measured, is_outlier, truth)
+        time = np.arange(self._time, self._time + len(trajectory), dtype=np.float64)
+        self._time += len(trajectory)
+        said = self._corrupt(Sensed(x, heading, truth, measured, time, epoch))
+        return Batch(x, heading, said.measured, said.is_outlier, truth)
+
+    def _corrupt(self, sensed: Sensed) -> Corrupted:
+        """Let the fault spoil a batch; the pilot's only if that is wanted."""
+        if not (sensed.epoch or self.config.pilot.outliers):
+            return Corrupted(sensed.measured, np.zeros(len(sensed), dtype=bool))
+        rng = generator(self.seed, "fault", sensed.epoch)
+        corrupted: Corrupted = self._fault(sensed, self._fault_state, self.config.rho, rng)
+        self._fault_state = corrupted.state
+        return corrupted
 
 
 def measure(truth: Floats, noise_std: float, rng: np.random.Generator) -> Floats:

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from infoplan.analyse.status import Status, look, look_at_all
-from infoplan.analyse.tables import flatten
+from infoplan.analyse.tables import stored_options
 from infoplan.config import Config
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener
@@ -147,7 +147,7 @@ def _status_of_study(as_json: bool) -> Act:
         console = Console(stderr=True) if as_json else wide_console()
         study = identify_study(configs, listener(console).say)
         wanted = {run.name: seeds for run, seeds in study.runs}
-        options = {run.name: flatten(run.science) for run, _ in study.runs}
+        options = {run.name: stored_options(run.science) for run, _ in study.runs}
         _print_status(look(study.results_dir, wanted, options), as_json)
         return 0, [float("nan")] * len(configs)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.config import GROUPS, Config
+from infoplan.config import GROUPS, RENAMED, Config
 from infoplan.errors import UsageError
 from infoplan.options import plain_number, walk
 
@@ -31,6 +31,12 @@ FLOATS = {float, list[float], list[list[float]]}
 
 OWN_OPTION = re.compile(r"\w+\.(options|params)(\.|$)")
 """How options of a user's own function, or of one of PyOD's classes, begin."""
+
+
+def renamed(word: str) -> str:
+    """Write an option, or what sets it, by its present name."""
+    group, dot, rest = word.partition(".")
+    return f"{RENAMED[group]}.{rest}" if dot and group in RENAMED else word
 
 
 @cache

@@ -23,7 +23,7 @@ def test_defaults_are_valid():
         (lambda c: setattr(c.model, "iterations", "often"), "per_sample or a whole number"),
         (lambda c: setattr(c.detector, "contamination", 0.6), "at most 0.5"),
         (lambda c: setattr(c.detector, "score", "mine"), "pyod or paper"),
-        (lambda c: setattr(c.outliers, "amplitude", [2.0, 1.0]), "wrong way round"),
+        (lambda c: setattr(c.fault, "amplitude", [2.0, 1.0]), "wrong way round"),
         (lambda c: setattr(c.terrain, "extent", [0.0, 0.0, 0.0, 50.0]), "xmin < xmax"),
         (lambda c: setattr(c.terrain, "extent", [0.0, 5.0, 0.0, 50.0]), "too small for the robot"),
         (lambda c: setattr(c.pilot, "control_points", [[0.0, 0.0]]), "at least two"),

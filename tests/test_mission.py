@@ -266,8 +266,8 @@ def test_a_far_off_prediction_is_a_large_error(small, volcano, monkeypatch):
 
 @pytest.mark.parametrize("amplitude", [[1e308, 1e308], [1e150, 1e150]])
 def test_spikes_beyond_all_numbers_are_one_sentence(small, volcano, amplitude):
-    small = replace(small, outliers=replace(small.outliers, amplitude=amplitude), rho=0.2)
+    small = replace(small, fault=replace(small.fault, amplitude=amplitude), rho=0.2)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
-        with pytest.raises(RunError, match=r"outliers\.amplitude"):
+        with pytest.raises(RunError, match=r"fault\.amplitude"):
             fly(small, volcano)

@@ -38,9 +38,9 @@ DEFAULTS = {
     "planner.exploration": 0.3,
     "planner.execute_actions": None,
     "planner.smoothing": 2.0,
-    "outliers.count": "round",
-    "outliers.amplitude": [1, 2],
-    "outliers.quantiles": [0.05, 0.95],
+    "fault.count": "round",
+    "fault.amplitude": [1, 2],
+    "fault.quantiles": [0.05, 0.95],
     "detector.contamination": 0.1,
     "detector.score": "pyod",
     "detector.scope": "batch",
@@ -79,9 +79,9 @@ CHANGES = {
     "planner.exploration": 2.0,
     "planner.execute_actions": 1,
     "planner.smoothing": 6.0,
-    "outliers.count": "bernoulli",
-    "outliers.amplitude": [3.0, 4.0],
-    "outliers.quantiles": [0.25, 0.75],
+    "fault.count": "bernoulli",
+    "fault.amplitude": [3.0, 4.0],
+    "fault.quantiles": [0.25, 0.75],
     "detector.contamination": 0.3,
     "detector.score": "paper",
     "detector.scope": "historical",
@@ -274,7 +274,7 @@ def test_the_choices_of_a_group_are_different_missions(group, choice):
 
 @pytest.mark.parametrize("rule", ["floor", "round"])
 def test_floor_gives_short_batches_no_spikes(rule):
-    config = changed(changed(base(), "outliers.count", rule), "rho", 0.06)
+    config = changed(changed(base(), "fault.count", rule), "rho", 0.06)
     last = fly(changed(config, "planner.execute_actions", 1), load_terrain("volcano"))[-1]
     assert last.samples.is_outlier.any() == (rule == "round")
 

@@ -170,7 +170,7 @@ def test_the_rounding_of_steps_makes_no_other_number():
     assert [c.rho for c in composed("sweep=['rho=range(0,1,.5)']")] == [0.0, 0.5]
     assert infoplan.configure(rho=0.1 * 3).rho == 0.3
     assert infoplan.configure(rho=np.float64(0.1) * 3).rho == 0.3
-    assert infoplan.configure(**{"outliers.quantiles": [0.1 * 3, 0.7]}).outliers.quantiles[0] == 0.3
+    assert infoplan.configure(**{"fault.quantiles": [0.1 * 3, 0.7]}).fault.quantiles[0] == 0.3
     assert infoplan.configure("rho=-0.0").rho.hex() == "0x0.0p+0"
     angle = 0.2617993877991494
     assert infoplan.configure(**{"robot.max_steering": angle}).robot.max_steering == angle

@@ -26,6 +26,7 @@ from infoplan.analyse.tables import (
 )
 from infoplan.errors import UsageError
 from infoplan.study.store import read_table
+from infoplan.study.terms import as_meant
 from infoplan.wording import counted
 
 METHOD = ("planner", "detector", "model")
@@ -311,7 +312,7 @@ def _stored(folder: Path) -> list[Stored]:
     """List all finished missions that were flown; replays are nobody's method."""
     missions, parts = [], {}
     for run, seed, footer in stored_footers(folder):
-        science = footer.configuration
+        science = as_meant(footer.configuration)
         if REPLAY in science:
             continue
         if run not in parts:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from infoplan.analyse.tables import Options, differing, flatten
+from infoplan.analyse.tables import Options, differing, stored_options
 from infoplan.errors import UsageError
 from infoplan.study.locks import list_held
 from infoplan.study.records import Footer
@@ -109,7 +109,7 @@ def look(
             if stored.footer:
                 state.done.append(seed)
                 if name not in known:
-                    known[name] = flatten(stored.footer.configuration)
+                    known[name] = stored_options(stored.footer.configuration)
                 _add_times(state, stored.footer)
             elif (name, seed) in held:
                 state.running.append(seed)

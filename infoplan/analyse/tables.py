@@ -14,6 +14,8 @@ from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
+from infoplan.study.terms import as_meant
+from infoplan.text_options import renamed
 from infoplan.wording import counted, harmless, suggest
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ DEFAULT_TERRAIN = "helens"
 LABELS = ("run", "seed", "method", "planner", "detector", "scope", "rho", "terrain", "budget")
 """What a mission can be chosen by, besides every option of its configuration."""
 
-SWEPT = ("planner.name", "detector.name", "detector.scope", "model.name", "rho")
+SWEPT = ("planner.name", "detector.name", "detector.scope", "model.name", "fault.name", "rho")
 """The options that tell a study's runs apart."""
 
 SHOWN = (*SWEPT, "terrain.name", REPLAY, *(f"{group}.function" for group in METHODS))
@@ -356,6 +358,11 @@ def default_options() -> Options:
     return flatten({**asdict(MissionConfig()), "numerics_version": NUMERICS_VERSION})
 
 
+def stored_options(science: Mapping[str, Any]) -> Options:
+    """Give the configuration of a stored run dotted names, those of today."""
+    return flatten(as_meant(science))
+
+
 def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Options:
     """Give a nested configuration dotted names."""
     flat: Options = {}
@@ -372,7 +379,7 @@ def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
     rows, options = [], {}
     for run, seed, footer in stored_footers(folder):
         if run not in options:
-            options[run] = flatten(footer.configuration)
+            options[run] = stored_options(footer.configuration)
         flat = options[run]
         rows.append(
             {
@@ -465,6 +472,7 @@ def _filtered(
     missions: pd.DataFrame, options: dict[str, Options], name: str, wanted: Any
 ) -> pd.DataFrame:
     """Keep the missions that answer to one filter; at least one must."""
+    name = renamed(name)
     known = {*LABELS, *(key for flat in options.values() for key in flat)}
     if name not in known:
         raise UsageError(

@@ -18,7 +18,7 @@ from rich.progress import track
 
 from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import on_grid
-from infoplan.analyse.tables import find_missions, flatten
+from infoplan.analyse.tables import find_missions, stored_options
 from infoplan.config import MissionConfig, validate
 from infoplan.draw import style
 from infoplan.errors import RunError, UsageError
@@ -553,7 +553,7 @@ def _is_papers_own(results_dir: Path, run: str) -> bool:
     seed = list_missions(results_dir)[run][0]
     science = read_footer(table_path(results_dir, "curves", run, seed)).configuration
     setting = science["detector"]["scope"], science["rho"]
-    return method_of(flatten(science)).label == "PUCT-COPOD" and setting == ("batch", 0.1)
+    return method_of(stored_options(science)).label == "PUCT-COPOD" and setting == ("batch", 0.1)
 
 
 def _states(

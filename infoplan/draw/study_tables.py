@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from infoplan.analyse.statistics import bootstrap_mean
-from infoplan.analyse.tables import Options, differing, flatten, option_text
+from infoplan.analyse.tables import Options, differing, option_text, stored_options
 from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, Column, print_table
@@ -84,7 +84,7 @@ def label(run: Run) -> str:
 
 def varying(runs: list[Run]) -> dict[str, dict[str, str]]:
     """Give the options in which runs differ, by the runs' names; empty where a run has none."""
-    flat = {run.name: flatten(run.science) for run in runs}
+    flat = {run.name: stored_options(run.science) for run in runs}
     return {name: option_cells(own, differing(flat)) for name, own in flat.items()}
 
 

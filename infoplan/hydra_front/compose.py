@@ -58,7 +58,8 @@ def register() -> None:
     for group, choices in GROUPS.items():
         for name, schema in choices.items():
             store.store(group=f"infoplan_schema/{group}", name=name, node=schema)
-    base = Config(planner=MISSING, detector=MISSING, terrain=MISSING, model=MISSING)
+    base = Config(planner=MISSING, detector=MISSING, terrain=MISSING, model=MISSING,
+                  fault=MISSING)  # fmt: skip
     store.store(name="infoplan_base", node=base)
     target = "hydra_plugins.infoplan.PoolLauncher"
     store.store(group="hydra/launcher", name="infoplan", node={"_target_": target})

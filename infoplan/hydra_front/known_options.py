@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from infoplan.config import GROUPS, Config
+from infoplan.config import GROUPS, RENAMED, Config
 from infoplan.options import walk
 from infoplan.wording import suggest
 
@@ -10,8 +10,10 @@ from infoplan.wording import suggest
 def no_option(name: str) -> str:
     """Say that there is no such option, or none in the choice that was made."""
     known = all_options()
+    group = name.split(".")[0]
+    if group in RENAMED:
+        return f"{group} is called {RENAMED[group]} now: write {RENAMED[group]} in its place"
     if name in known:
-        group = name.split(".")[0]
         return (
             f"the chosen {group} has no option {name!r}: infoplan run --cfg job shows what it has"
         )

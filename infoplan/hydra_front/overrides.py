@@ -20,6 +20,7 @@ from infoplan.own import load, text_parameters
 from infoplan.text_options import (
     OWN_OPTION,
     for_hydra,
+    renamed,
     text_options,
     typed_text,
     typed_texts,
@@ -52,6 +53,7 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
     UsageError
         If one of them is no override.
     """
+    overrides = [renamed(override) for override in overrides]
     parser = OverridesParser.create()
     own = _own_texts(overrides)
     words = [_readable(override, several, own, parser) for override in overrides]

@@ -17,7 +17,7 @@ GROWTH = 2.5
 PROGRESS = 3.5
 """Exponent by which the time since the pilot grows with the samples collected, as measured."""
 
-TIMELESS = ("rho", "terrain", "sensor", "outliers", "numerics_version")
+TIMELESS = ("rho", "terrain", "sensor", "outliers", "fault", "numerics_version")
 """Parts of the configuration that hardly change the time."""
 
 MEANINGFUL = 0.05

@@ -20,17 +20,12 @@ from infoplan.errors import RunError
 from infoplan.methods import complete, method_from_stored, stored_methods
 from infoplan.options import check_options, walk
 from infoplan.own import fits, in_words, load, resolve_options
+from infoplan.study.terms import as_meant, as_stored
 from infoplan.tables import MAX_ROWS
 from infoplan.terrain import Terrain
 
 NUMERICS_VERSION = 1
 """Raised by hand whenever the same configuration and seed give other numbers than before."""
-
-ADDED_LATER = {"model.kernel": "squared_exponential"}
-"""Options of methods that runs of earlier versions have not stored, and what they flew with.
-
-With this value they are not stored today either, so that the run keeps its name.
-"""
 
 
 @dataclass(frozen=True)
@@ -63,24 +58,8 @@ def identify(config: MissionConfig, terrain: Terrain) -> Run:
         del science["terrain"][irrelevant]
     science["terrain"]["sha256"] = terrain.sha256
     science["numerics_version"] = NUMERICS_VERSION
-    _leave_out_later(science)
+    science = as_stored(science)
     return Run(run_name(science), resolved, terrain, science)
-
-
-def _leave_out_later(science: dict[str, Any]) -> None:
-    """Drop options added later from a run's `science` where they have the value from before."""
-    for name, value in ADDED_LATER.items():
-        group, option = name.split(".")
-        if science[group].get(option) == value:
-            del science[group][option]
-
-
-def _with_later(group: str, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a group's stored options with those that were left out."""
-    schema = METHODS[group].get(stored["name"])
-    later = {name.split(".")[1]: value for name, value in ADDED_LATER.items()
-             if name.startswith(f"{group}.") and hasattr(schema, name.split(".")[1])}  # fmt: skip
-    return later | dict(stored)
 
 
 def run_name(science: Mapping[str, Any]) -> str:
@@ -92,6 +71,7 @@ def run_name(science: Mapping[str, Any]) -> str:
             science["planner"]["name"],
             science["detector"]["name"],
             *([] if model == "gp" else [model]),
+            *([science["fault"]["name"]] if "fault" in science else []),
             science["terrain"]["name"],
             f"rho{science['rho']:g}",
             science["detector"]["scope"],
@@ -173,10 +153,11 @@ def restored(science: Mapping[str, Any]) -> MissionConfig:
     """Do as `config_from_science`, and raise a ValueError that says what does not fit."""
     options: dict[str, Any] = {}
     try:
+        science = as_meant(science)
         for item in fields(MissionConfig):
             value = options[item.name] = science[item.name]
             if item.name in METHODS:
-                options[item.name] = method_from_stored(item.name, _with_later(item.name, value))
+                options[item.name] = method_from_stored(item.name, value)
             elif is_dataclass(item.type):
                 schema: Any = item.type
                 if item.name == "terrain":

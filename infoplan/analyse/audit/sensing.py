@@ -70,7 +70,7 @@ def _spiked_epochs(mission: StoredMission) -> range:
 
 def check_spike_count(mission: StoredMission) -> str:
     """Check that as many samples of each batch are spikes as rho and the rule of counting say."""
-    rho, rule = float(mission.option("rho")), mission.option("outliers.count")
+    rho, rule = float(mission.option("rho")), mission.option("fault.count")
     spiked = mission.samples["is_outlier"].to_numpy()
     if not mission.option("pilot.outliers"):
         demand(
@@ -101,7 +101,7 @@ def _spikes(mission: StoredMission) -> pd.DataFrame:
     the quantiles of its batch: they rise with every value, which bounds them.
     """
     reach = SIGMAS * float(mission.option("sensor.noise_std"))
-    quantiles = [float(q) for q in mission.option("outliers.quantiles")]
+    quantiles = [float(q) for q in mission.option("fault.quantiles")]
     truth = mission.samples["truth"].to_numpy()
     measured = mission.samples["measured"].to_numpy()
     spiked = mission.samples["is_outlier"].to_numpy()
@@ -131,7 +131,7 @@ def _spikes(mission: StoredMission) -> pd.DataFrame:
 
 def check_spike_size(mission: StoredMission) -> str:
     """Check that each spike is as high as an amplitude within its bounds makes it."""
-    smallest, largest = (float(bound) for bound in mission.option("outliers.amplitude"))
+    smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
     reach = SIGMAS * float(mission.option("sensor.noise_std")) + mission.elevation_tolerance
     spikes = _spikes(mission)
     if spikes.empty:
@@ -151,7 +151,7 @@ def check_spike_size(mission: StoredMission) -> str:
 
 def check_spike_draws(mission: StoredMission) -> str:
     """Check that amplitudes are uniform, signs and places in the batch even."""
-    smallest, largest = (float(bound) for bound in mission.option("outliers.amplitude"))
+    smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
     reach = SIGMAS * float(mission.option("sensor.noise_std"))
     spikes = _spikes(mission)
     m = len(spikes)

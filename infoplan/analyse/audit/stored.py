@@ -11,9 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.errors import RunError
-from infoplan.study.identity import ADDED_LATER
 from infoplan.study.records import Footer, MisfitError, read_science
 from infoplan.study.store import configuration_path, open_table, present_tables
+from infoplan.study.terms import as_meant
 
 Floats = NDArray[np.float64]
 
@@ -81,11 +81,9 @@ class StoredMission:
 
     def option(self, name: str) -> Any:
         """Look an option up by its dotted name."""
-        value: Any = self.configuration
+        value: Any = as_meant(self.configuration)
         for key in name.split("."):
             if not isinstance(value, Mapping) or key not in value:
-                if name in ADDED_LATER:
-                    return ADDED_LATER[name]
                 raise FaultError(f"the run's YAML has no {name}")
             value = value[key]
         return value

@@ -1,33 +1,37 @@
-"""What goes wrong in the sensor now and then: a spike."""
+"""Spikes: single measurements far off, either way (paper, Section V)."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from infoplan.fault.sensed import Corrupted, Sensed
 
 
-def add_spikes(
-    measured: NDArray[np.float64],
+def spike(
+    sensed: Sensed,
+    state: None,
     rho: float,
     rng: np.random.Generator,
     *,
     count: str = "round",
     amplitude: Sequence[float] = (1.0, 2.0),
     quantiles: Sequence[float] = (0.05, 0.95),
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Turn a share of a batch into spike outliers (paper, Section V).
+) -> Corrupted:
+    """Turn a share of a batch into spikes.
 
     A spike's amplitude is uniform, its sign random, its scale the range between two quantiles of
     the noisy batch.
 
     Parameters
     ----------
-    measured
-        Noisy measurements of the batch, shape (n,).
+    sensed
+        The batch.
+    state
+        None: batches have nothing to do with each other.
     rho
         Share of the batch that becomes spikes, in [0, 1].
     rng
-        The epoch's stream of spikes.
+        The epoch's stream.
     count
         ``round``: rho n rounded half to even, which keeps the share unbiased; ``floor``: its floor;
         ``bernoulli``: each sample with probability rho.
@@ -38,11 +42,9 @@ def add_spikes(
 
     Returns
     -------
-    measured : ndarray, shape (n,)
-        With the spikes added.
-    is_outlier : ndarray of bool, shape (n,)
+    Corrupted
     """
-    n = len(measured)
+    n, measured = len(sensed), sensed.measured
     if count == "bernoulli":
         is_outlier = rng.random(n) < rho
     else:
@@ -50,8 +52,8 @@ def add_spikes(
         number = round(rho * n) if count == "round" else int(rho * n + 1e-9)
         is_outlier = np.zeros(n, dtype=bool)
         is_outlier[rng.choice(n, size=number, replace=False)] = True
-    with np.errstate(over="ignore", invalid="ignore"):  # told by the mission
+    with np.errstate(over="ignore", invalid="ignore"):  # told by the belief
         low, high = np.quantile(measured, quantiles)
         scale = rng.uniform(amplitude[0], amplitude[1], size=n) * rng.choice([-1.0, 1.0], size=n)
         spiky = measured + scale * (high - low)
-    return np.where(is_outlier, spiky, measured), is_outlier
+    return Corrupted(np.where(is_outlier, spiky, measured), is_outlier)

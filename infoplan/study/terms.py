@@ -1,0 +1,61 @@
+"""A run's `science` in today's terms, and in those of the version that could first fly it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from infoplan.config import METHODS
+
+ADDED_LATER = {"model.kernel": "squared_exponential"}
+"""Options of methods that runs of earlier versions have not stored, and what they flew with.
+
+With this value they are not stored today either, so that the run keeps its name.
+"""
+
+FIRST_FAULT = "spike"
+"""The one fault of version 0.1: its options are stored as that did, ``outliers`` without a name."""
+
+
+def as_stored(meant: Mapping[str, Any]) -> dict[str, Any]:
+    """Write what version 0.1 could fly as it did, so that a run keeps its name.
+
+    Parameters
+    ----------
+    meant
+        A run's `science` in today's terms; the inverse of `as_meant`.
+    """
+    science: dict[str, Any] = {}
+    for name, value in meant.items():
+        if name != "fault":
+            science[name] = dict(value) if isinstance(value, Mapping) else value
+        if name == "sensor":
+            options = dict(meant["fault"])
+            first = options["name"] == FIRST_FAULT and options.pop("name")
+            science["outliers" if first else "fault"] = options
+    for name, value in ADDED_LATER.items():
+        group, option = name.split(".")
+        if science[group].get(option) == value:
+            del science[group][option]
+    return science
+
+
+def as_meant(science: Mapping[str, Any]) -> dict[str, Any]:
+    """Say in today's terms what a run's `science` says in those of the version that flew it.
+
+    Parameters
+    ----------
+    science
+        What ``runs/<run>.yaml`` or a footer holds.
+
+    Returns
+    -------
+    dict
+        The same with options that were added later and groups by their present names.
+    """
+    meant = dict(science)
+    if "outliers" in meant:
+        meant["fault"] = {"name": FIRST_FAULT, **meant.pop("outliers")}
+    for name, value in ADDED_LATER.items():
+        group, option = name.split(".")
+        if hasattr(METHODS[group].get(meant[group]["name"]), option):
+            meant[group] = {option: value, **meant[group]}
+    return meant
