@@ -77,6 +77,7 @@ def said(done: subprocess.CompletedProcess[str]) -> str:
     return done.stdout + done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="permissions of POSIX")
 def test_kernels_go_to_a_temporary_folder_of_ones_own_and_one_line_says_so(container):
     # PyOD imports Matplotlib; a random walk has less to compile.

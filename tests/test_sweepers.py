@@ -18,7 +18,9 @@ def best_of(output: str) -> tuple[float, str, list[str]]:
     return float(found[1]), found[2], shlex.split(found[3])
 
 
-@pytest.mark.parametrize("launcher", ["infoplan", "submitit_local"])
+@pytest.mark.parametrize(
+    "launcher", ["infoplan", pytest.param("submitit_local", marks=pytest.mark.long)]
+)
 def test_a_search_names_its_best_trial(launcher, tmp_path):
     pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
     if launcher != "infoplan":

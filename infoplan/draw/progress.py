@@ -10,6 +10,7 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
 from rich.text import Text
 
+from infoplan.draw.console import say as say_sentence
 from infoplan.output import complain
 from infoplan.study.estimate import Clock, Kind, Pace, duration, kind_of, wall_seconds
 from infoplan.study.flight import COMPILING, Task
@@ -239,7 +240,7 @@ def listener(console: Console) -> Listener:
     """Let a person follow a study on a console."""
 
     def say(text: str, tone: Tone) -> None:
-        print_line(console, text, STYLES[tone])
+        say_sentence(console, text, STYLES[tone])
 
     def follow(tasks: Sequence[Task], pace: Pace, kept: int) -> Display:
         lines = [

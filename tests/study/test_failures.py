@@ -44,7 +44,7 @@ def test_others_finish_and_the_next_call_heals(backend, jobs, tmp_path, sabotage
     assert f"{run} seed 2  FAILED: its worker died" in said
     raised = (folder / "failures" / run / "seed=1.txt").read_text()
     assert "Traceback" in raised
-    assert "misbehave(what, self.seed)" in raised
+    assert "misbehave(what, seed)" in raised
     assert "worker died" in (folder / "failures" / run / "seed=2.txt").read_text()
     # What raised is not tried again, what was killed is: once.
     assert "seed 1  ArithmeticError" not in said
