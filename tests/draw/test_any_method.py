@@ -216,11 +216,13 @@ def test_swept_options_are_in_the_report(tmp_path):
 
 def test_labels_are_different_for_different_methods():
     def method(**names):
-        flat = {"planner.name": "uct", "detector.name": "none", "model.name": "gp"}
+        flat = {"planner.name": "uct", "detector.name": "none", "model.name": "gp",
+                "fault.name": "spike"}  # fmt: skip
         return method_of(flat | names)
 
     assert method().label == "UCT-NONE"
     assert method(**{"model.name": "student_t"}).label == "UCT-NONE-STUDENT_T"
+    assert method(**{"fault.name": "stuck"}).label == "UCT-NONE-STUCK"
     assert method(replay="x").label == "REPLAY-UCT-NONE"
     one, other = (method(**{"detector.name": "mine", "detector.function": f"{module}.mine"})
                   for module in ("first", "second"))  # fmt: skip
