@@ -27,7 +27,6 @@ from infoplan.command_line import (
     setting,
 )
 from infoplan.errors import UsageError
-from infoplan.text_options import renamed
 
 if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
@@ -560,7 +559,11 @@ def call(arguments: list[str]) -> int:
 
 def _enter(arguments: list[str]) -> int:
     width = page_width()
-    words = [renamed(word) if "=" in word else word for word in arguments]
+    words = list(arguments)
+    if any("=" in word for word in words):  # else help need not wait for NumPy
+        from infoplan.text_options import renamed
+
+        words = [renamed(word) if "=" in word else word for word in words]
     with infoplan.make_context(
         "infoplan", words, terminal_width=width, max_content_width=width
     ) as ctx:

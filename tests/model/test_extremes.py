@@ -36,6 +36,8 @@ def data(n=12):
 @example((GaussianProcess, {"dtype": "float32"}), 1e20, 0.5, 1.0, 1e-6, 1e-4, "adam")
 @example((StudentTProcess, {}), 1e308, 0.5, 1.0, 1e-6, 1e-4, "adam")
 @example((StudentTProcess, {}), 1.0, 0.5, 1.410950773530581e102, 1e-6, 1e-4, "adam")
+@example((StudentTProcess, {}), 1.0, 1.0, 1.4990384980306045e153, 0.0, 0.0, "adam")
+@example((StudentTProcess, {}), 1.0, 1.0, 6.785374567578366e305, 0.0, 0.0, "adam")
 @example((GaussianProcess, {"dtype": "float64"}), 1.0, 1e-308, 1e-300, 0.0, 0.0, "adam")
 @example((GaussianProcess, {"dtype": "float64"}), 1.0, 1.0, 1e308, 1e308, 1e308, "lbfgs")
 def test_any_start_values(kind, amplitude, lengthscale, noise, jitter, floor, optimizer):

@@ -24,6 +24,7 @@ from infoplan.hydra_front.front import compose_and
 from infoplan.hydra_front.overrides import expand
 from infoplan.study.identity import identify
 from infoplan.study.runner import merge_runs
+from infoplan.study.terms import as_meant
 
 PAPER = {
     *((f"uct-{detector}", rho, "batch") for detector in ("none", "best", "copod")

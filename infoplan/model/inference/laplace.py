@@ -346,7 +346,8 @@ class LaplaceInference:
 
     def _third_derivative(self, mode: _Mode, theta: np.ndarray) -> np.ndarray:
         v, r = self._dof * noise_variance_of(theta), self._y - mode.latent
-        with np.errstate(over="ignore"):  # d^3 is infinite before the curvature's d^2: zero is near
+        # Of a huge scale the cube overflows: 0, or no number, where an ascent ends.
+        with np.errstate(over="ignore", invalid="ignore"):
             return -2.0 * (self._dof + 1.0) * r * (3.0 * v - r**2) / (v + r**2) ** 3
 
     def _scale_derivatives(
@@ -356,7 +357,7 @@ class LaplaceInference:
         more, v = self._dof + 1.0, self._dof * noise_variance_of(theta)
         r = self._y - mode.latent
         d = v + r**2
-        with np.errstate(over="ignore"):  # as in _third_derivative
+        with np.errstate(over="ignore", invalid="ignore"):  # as in _third_derivative
             return (
                 0.5 * (more * r**2 / d - 1.0),
                 -more * r * v / d**2,
