@@ -140,12 +140,14 @@ def test_a_function_of_the_user_s_is_told_about(words, told, monkeypatch, capfd)
 
 
 def test_only_a_named_function_is_imported(tmp_path, monkeypatch, capfd):
-    (tmp_path / "loud.py").write_text("print('imported')\n\ndef f(samples, model, rng): pass\n")
+    (tmp_path / "named_once.py").write_text(
+        "print('imported')\n\ndef f(samples, model, rng): pass\n"
+    )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    assert main(["run", "detector.function=loud.f", "--help"]) == 0
+    assert main(["run", "detector.function=named_once.f", "--help"]) == 0
     assert "imported" not in capfd.readouterr().out
-    assert main(["run", "detector=own", "detector.function=loud.f", "--help"]) == 0
+    assert main(["run", "detector=own", "detector.function=named_once.f", "--help"]) == 0
     assert "imported" in capfd.readouterr().out
     assert main(["run", "detector=own", "detector.function=quiet.f", "--help"]) == 2
     assert "there is no module 'quiet'" in capfd.readouterr().err

@@ -1,8 +1,8 @@
 """``infoplan replay`` as a user meets it: the same samples, judged and modelled anew."""
 
 import shutil
+import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -260,19 +260,26 @@ def test_a_mission_whose_tables_do_not_belong_together_is_not_replayed(flown, tm
     assert "seed=0.parquet cannot be read" in capfd.readouterr().err
 
 
-def test_two_replays_at_once_share_the_work(flown, tmp_path, capfd):
+def test_two_replays_at_once_share_the_work(flown, tmp_path):
     folder = tmp_path / "flown"
     shutil.copytree(flown, folder)
     name = runs(folder)["uct-copod"]
     expected = replay(folder, name, "model.iterations=1")
     shutil.rmtree(folder / "curves" / f"run={expected}")
     lock = acquire(folder, expected, 1)
-    other = threading.Timer(2.0, lock.release)
-    other.start()
     arguments = ["replay", name, "model.iterations=1", f"results_dir={folder}"]
-    assert main([*arguments, "backend=sequential"]) == 0
-    assert other.finished.is_set()
-    assert "another infoplan process flies the rest: waiting for it" in capfd.readouterr().out
+    process = subprocess.Popen(
+        [sys.executable, "-m", "infoplan.cli", *arguments, "backend=sequential"],
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    with process:
+        said = iter(process.stdout)
+        waiting = "another infoplan process flies the rest: waiting for it"
+        assert any(waiting in line for line in said)
+        assert process.poll() is None
+        lock.release()
+        rest = "".join(said)
+    assert process.returncode == 0, rest
     seeds = {path.stem for path in (folder / "curves" / f"run={expected}").iterdir()}
     assert seeds == {"seed=0", "seed=1"}
 

@@ -53,13 +53,13 @@ def test_a_study_prints_nothing_and_tells_its_listener(tmp_path, capfd):
 
 
 def test_failures_and_what_workers_write_are_told_too(tmp_path, capfd, monkeypatch):
-    (tmp_path / "loud.py").write_text(
+    (tmp_path / "shouting.py").write_text(
         "import sys\n\n\ndef loud(samples, model, rng):\n"
         "    print('a word of its own', file=sys.stderr)\n    raise ValueError('no')\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    detector = OwnDetectorConfig(function="loud.loud")
+    detector = OwnDetectorConfig(function="shouting.loud")
     config = replace(quick(), results_dir=str(tmp_path / "results"), detector=detector)
     ear = Ear()
     study = run_study([config], ear.listener())

@@ -21,7 +21,7 @@ from infoplan.study.runner import run_study
 from infoplan.study.study import Study
 
 CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
-SABOTEUR = str(Path(__file__).parent / "saboteur")
+SABOTEUR = str(Path(__file__).parent / "study" / "saboteur")
 
 OPTIONS = [
     "detector=none",
