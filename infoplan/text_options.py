@@ -7,6 +7,7 @@ text are therefore read here, in one way for every command.
 import math
 import re
 import shlex
+from collections.abc import Mapping, Sequence
 from functools import cache
 from os import PathLike
 from typing import Any
@@ -153,6 +154,27 @@ def as_override(name: str, value: Any) -> str:
         If no command line can say it.
     """
     return shlex.quote(f"{name}={as_value(name, value)}")
+
+
+def command_line(words: Sequence[str], options: Mapping[str, Any]) -> str:
+    """Write a command of infoplan's that can be pasted in a shell.
+
+    Parameters
+    ----------
+    words
+        The command, its flags, and words that are no options.
+    options
+        Names and values, as of `as_value`. The default folder of the results is left out.
+
+    Returns
+    -------
+    str
+        ``infoplan run rho=0.1 'results_dir=my results'``.
+    """
+    told = {name: value for name, value in options.items()
+            if name != "results_dir" or str(value) != Config().results_dir}  # fmt: skip
+    written = (as_override(name, value) for name, value in told.items())
+    return " ".join(["infoplan", *map(shlex.quote, words), *written])
 
 
 def decimal(value: float) -> float:

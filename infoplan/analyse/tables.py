@@ -15,7 +15,7 @@ from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
 from infoplan.study.terms import as_meant
-from infoplan.text_options import renamed
+from infoplan.text_options import as_override, command_line, renamed
 from infoplan.wording import counted, harmless, suggest
 
 if TYPE_CHECKING:
@@ -165,13 +165,15 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     folder = Path(results_dir).expanduser()
     missions, options = _scan(folder)
     if missions.empty:
+        made = {"results_dir": folder}
         raise UsageError(
-            f"results_dir={folder} holds no finished mission: make some with infoplan run, "
-            "all of the paper's with infoplan run -m experiment=fig5"
+            f"results_dir={folder} holds no finished mission: make some with "
+            f"{command_line(['run'], made)}, all of the paper's with "
+            f"{command_line(['run', '-m'], {'experiment': 'fig5'} | made)}"
         )
     for name, wanted in filters.items():
         if wanted is not None:
-            missions = _filtered(missions, options, name, wanted)
+            missions = _filtered(folder, missions, options, name, wanted)
     notes: tuple[str, ...] = ()
     replays = missions["run"].map(lambda run: REPLAY in options[run]).astype(bool)
     if all(filters.get(name) is None for name in ("run", "method", REPLAY)) and not replays.all():
@@ -469,7 +471,7 @@ def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _filtered(
-    missions: pd.DataFrame, options: dict[str, Options], name: str, wanted: Any
+    folder: Path, missions: pd.DataFrame, options: dict[str, Options], name: str, wanted: Any
 ) -> pd.DataFrame:
     """Keep the missions that answer to one filter; at least one must."""
     name = renamed(name)
@@ -481,7 +483,7 @@ def _filtered(
         )
     if name == "run":
         listed = [wanted] if isinstance(wanted, str) else list(wanted)
-        runs = [choose_run(str(text), missions["run"], "the results") for text in listed]
+        runs = [choose_run(str(text), missions["run"], folder) for text in listed]
         return missions[missions["run"].isin(runs)]
     kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
     if kept.empty:
@@ -557,14 +559,17 @@ def _agreeing(selection: Selection, names: set[str]) -> Selection:
     if len(unusual) == len(selection.options):
         found = {
             name: sorted(
-                {option_text(flat[name]) for flat in selection.options.values() if name in flat}
+                (flat[name] for flat in selection.options.values() if name in flat), key=option_text
             )
             for name in named
         }
-        listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
+        listed = "; ".join(
+            f"{name} ({', '.join(dict.fromkeys(map(option_text, values)))})"
+            for name, values in found.items()
+        )
         raise UsageError(
             f"the runs do not belong together, they differ in {listed}: "
-            f"choose with {named[0]}={found[named[0]][0]} or the like"
+            f"choose with {as_override(named[0], found[named[0]][0])} or the like"
         )
     which = "is left out; choose it" if len(unusual) == 1 else "are left out; choose them"
     note = (

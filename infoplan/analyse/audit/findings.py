@@ -54,6 +54,7 @@ from infoplan.analyse.audit.tables import (
 from infoplan.errors import UsageError
 from infoplan.study.run_names import choose_run
 from infoplan.study.store import list_missions
+from infoplan.text_options import command_line
 from infoplan.wording import harmless
 
 CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
@@ -153,11 +154,12 @@ def audit(
     if not stored:
         raise UsageError(
             f"results_dir={results_dir} holds no finished mission to audit: fly one with "
-            "infoplan run, or name the folder that holds curves/"
+            f"{command_line(['run'], {'results_dir': results_dir})}, or name the folder that "
+            "holds curves/"
         )
     runs = sorted({name for name, _ in stored})
     if run is not None:
-        run = choose_run(run, runs, str(results_dir))
+        run = choose_run(run, runs, results_dir)
         stored = [(name, seed) for name, seed in stored if name == run]
     if seeds is not None:
         present = {seed for _, seed in stored}
