@@ -75,8 +75,8 @@ def choose_run(text: str, runs: Iterable[str], results_dir: str | Path) -> str:
         return found[0]
     if found:
         raise UsageError(
-            f"run={text} stands for {counted(len(found), 'run')} in {results_dir}: write more of the "
-            f"name, or the hash at its end, of {listed(found, results_dir)}"
+            f"run={text} stands for {counted(len(found), 'run')} in {results_dir}: write more of "
+            f"the name, or the hash at its end, of {listed(found, results_dir)}"
         )
     near = suggest(text, [*names, *hashes.values()], 3)
     raise UsageError(
