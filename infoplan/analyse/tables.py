@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from infoplan.config import METHODS, MissionConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.files import user_path
 from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
@@ -162,7 +163,7 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     RunError
         If a table cannot be read.
     """
-    folder = Path(results_dir).expanduser()
+    folder = user_path(results_dir)
     missions, options = _scan(folder)
     if missions.empty:
         made = {"results_dir": folder}
