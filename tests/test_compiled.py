@@ -120,7 +120,9 @@ def test_a_kernel_from_outside_is_never_that_of_an_earlier_process(site):
         assert python(site, FOREIGN.replace("VALUE", str(value))) == [value, 0]
 
 
-@pytest.mark.parametrize("damage", [b"", b"\x00" * 40, None])
+@pytest.mark.parametrize(
+    "damage", [None, *[pytest.param(bad, marks=pytest.mark.long) for bad in (b"", b"\x00" * 40)]]
+)
 def test_damaged_code_is_compiled_anew(site, damage):
     expected = 7.0 % (2 * np.pi)
     assert python(site, WRAP) == [pytest.approx(expected), 0]
