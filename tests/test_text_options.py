@@ -176,6 +176,13 @@ def test_what_a_file_sweeps_is_read_as_typed(tmp_path):
     assert {config.terrain.path for config in made} == {"größe (1).npy"}
 
 
+def test_whole_numbers_are_floats_in_lists_of_lists():
+    points = [[0.2, 0.0], [0.0, 1.0], [1.0, 1.0]]
+    assert compose(["pilot.control_points=[[0.2,0],[0,1],[1,1]]"]).pilot.control_points == points
+    word = shlex.split(as_override("pilot.control_points", points))[0]
+    assert compose([word]).pilot.control_points == points
+
+
 def test_the_rounding_of_steps_makes_no_other_number():
     assert [c.rho for c in composed("-m", "rho=range(0.1,0.4,0.1)")] == [0.1, 0.2, 0.3]
     assert [c.rho for c in composed("-m", "rho=range(0.4,0,-0.15)")] == [0.4, 0.25, 0.1]

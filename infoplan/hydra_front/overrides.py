@@ -93,6 +93,9 @@ def _readable(
     if OWN_OPTION.match(name):
         # Hydra is to take options of which it has no list.
         name = f"++{name}"
+    if all_options().get(bare, {}).get("type") == list[list[float]]:
+        # OmegaConf takes no whole number for a float there.
+        value = re.sub(r"(?<![\w.])(\d+)(?![\w.])", r"\1.0", value)
     group, _, option = bare.partition(".options.")
     # What is in quotes Hydra reads as text anyhow.
     is_own = option in own.get(group, ()) and value[0] not in ("'", '"')
