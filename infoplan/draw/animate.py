@@ -29,6 +29,7 @@ from infoplan.scoring import CurveRow, Maps, State
 from infoplan.study.replayed import as_samples, explore_again, stand_in
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
+from infoplan.text_options import as_command
 from infoplan.trust import admit
 from infoplan.wording import figure
 
@@ -193,7 +194,7 @@ def choose_run(results_dir: Path, run: str | None) -> str:
     if not stored:
         raise UsageError(
             f"results_dir={results_dir} holds no finished mission to animate: fly one with "
-            "infoplan run, or name the folder that holds curves/"
+            f"{as_command('infoplan run', results_dir)}, or name the folder that holds curves/"
         )
     if run is None:
         paper = [name for name in stored if _is_papers_own(results_dir, name)]

@@ -12,7 +12,7 @@ from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, Column, print_table
 from infoplan.draw.terminal import small_curves, takes_braille
-from infoplan.methods import method_label
+from infoplan.method_identity import method_of
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
@@ -69,14 +69,12 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
 
 def label(run: Run) -> str:
     """Label a run by method, map and rho, and by the hash that its name ends in: three lines."""
-    config = run.config
-    methods = [config.planner, config.detector]
-    methods += [config.model] if config.model.name != "gp" else []
+    method = method_of(stored_options(run.science))
     return "\n".join(
         harmless(line)
         for line in (
-            f"{' '.join(method_label(method) for method in methods)} {config.detector.scope}",
-            f"{run.terrain.name} rho {config.rho:g}",
+            f"{' '.join(choice.name for choice in method.choices)} {method.scope}",
+            f"{run.terrain.name} rho {run.config.rho:g}",
             run.name.rsplit("-", 1)[1],
         )
     )

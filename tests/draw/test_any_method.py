@@ -217,7 +217,7 @@ def test_swept_options_are_in_the_report(tmp_path):
 def test_labels_are_different_for_different_methods():
     def method(**names):
         flat = {"planner.name": "uct", "detector.name": "none", "model.name": "gp",
-                "fault.name": "spike"}  # fmt: skip
+                "fault.name": "spike", "detector.scope": "batch"}  # fmt: skip
         return method_of(flat | names)
 
     assert method().label == "UCT-NONE"
