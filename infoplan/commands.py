@@ -14,23 +14,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from infoplan.command_line import (
-    GIVEN,
-    Command,
-    Function,
-    Group,
-    Number,
-    Text,
-    UserPath,
-    hydra_flag,
-    page_width,
-    setting,
-)
+from infoplan.command_line.command import Command, Group
+from infoplan.command_line.pages import page_width
+from infoplan.command_line.settings import GIVEN, Function, hydra_flag, setting
+from infoplan.command_line.types import Number, Text, UserPath
 from infoplan.errors import UsageError
 
 if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
-    from infoplan.command_line import More
+    from infoplan.command_line.settings import More
 
 FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import click
 from click.shell_completion import CompletionItem, ShellComplete
 
-from infoplan.command_line import OPEN
+from infoplan.command_line.types import OPEN
 from infoplan.errors import UsageError
 from infoplan.wording import harmless, suggest
 

@@ -10,7 +10,8 @@ import click
 import yaml
 from click.shell_completion import CompletionItem
 
-from infoplan.command_line import More, Setting, path_items, written
+from infoplan.command_line.settings import More, Setting
+from infoplan.command_line.types import path_items, written
 from infoplan.config import (
     GROUPS,
     REPLAY_GROUPS,

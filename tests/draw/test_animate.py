@@ -13,18 +13,10 @@ from PIL import Image
 from rich.console import Console
 
 from infoplan.cli import main
-from infoplan.draw.animate import (
-    animate,
-    choose_run,
-    difference_from_curve,
-    draw_pictures,
-    find_ffmpeg,
-    read_recording,
-    replay,
-    thinned,
-    write_gif,
-    write_mp4,
-)
+from infoplan.draw.animate import animate, thinned
+from infoplan.draw.moving_files import find_ffmpeg, write_gif, write_mp4
+from infoplan.draw.recording import choose_run, difference_from_curve, read_recording, replay
+from infoplan.draw.scene import draw_pictures
 from infoplan.errors import RunError, UsageError
 from infoplan.study.store import table_path
 

@@ -16,9 +16,10 @@ from rich.console import Console
 
 from infoplan.analyse import find_missions, find_study
 from infoplan.cli import main
-from infoplan.draw.animate import animate, choose_run, read_recording
+from infoplan.draw.animate import animate
 from infoplan.draw.fig5 import plotted_numbers
 from infoplan.draw.figures import NAMES, draw_figures
+from infoplan.draw.recording import choose_run, read_recording
 from infoplan.draw.report import render
 from infoplan.method_identity import OTHERS, PAPERS, labels, looks, method_of
 
