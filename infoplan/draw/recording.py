@@ -189,7 +189,7 @@ def from_tables(recording: Recording) -> Iterator[State]:
         maps[name].to_numpy() for name in (["x1", "x2"], "truth", "mean", "std", "outlier_density")
     )
     last, unknown = Maps(x, truth, *believed), np.full(len(truth), np.nan)
-    columns = [item.name for item in fields(CurveRow)]
+    columns = [item.name for item in fields(CurveRow) if item.name in recording.curve]
     rows = [
         dict(zip(columns, row, strict=True)) for row in recording.curve[columns].to_numpy(object)
     ]

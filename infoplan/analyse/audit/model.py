@@ -45,7 +45,7 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
     if absent := [name for name in names if name not in curves]:
         raise FaultError(f"the curves have no column {absent[0]}")
     demand(
-        (curves[names] > 0).all(axis=1).to_numpy(),
+        ((curves[names] > 0) & (curves[names] < np.inf)).all(axis=1).to_numpy(),
         lambda e: f"a hyperparameter of epoch {e} is not positive",
     )
     demand(
