@@ -160,7 +160,7 @@ def infoplan() -> None:
     """Hold the commands."""
 
 
-def study_command(name: str, **attributes: Any) -> Callable[[Function], click.Command]:
+def command_on_runs(name: str, **attributes: Any) -> Callable[[Function], click.Command]:
     """Declare a command about stored runs, which any option of a run chooses."""
 
     def declare(function: Function) -> click.Command:
@@ -250,7 +250,7 @@ def status(
     return status(results_dir, study, run, as_json)
 
 
-@study_command(
+@command_on_runs(
     "figures",
     help="Draw the paper's figures from stored results.",
     examples=["infoplan figures fig5 fig7 seed=1"],
@@ -283,7 +283,7 @@ def figures(
     return EXIT_FAILED if any(one.problem for one in drawn) else EXIT_OK
 
 
-@study_command(
+@command_on_runs(
     "claims",
     help="Judge the paper's claims by stored results.",
     examples=["infoplan claims terrain=helens --markdown"],
@@ -316,7 +316,7 @@ def claims(
     return EXIT_OK
 
 
-@study_command(
+@command_on_runs(
     "report",
     help="Write curves, claims and maps as one HTML page.",
     examples=["infoplan report terrain=volcano"],

@@ -16,11 +16,11 @@ from infoplan.draw.recording import (
     Recording,
     cannot_replay,
     check_named,
-    choose_run,
     difference_from_curve,
     from_tables,
     read_recording,
     replay,
+    run_to_show,
 )
 from infoplan.draw.scene import draw_pictures
 from infoplan.errors import RunError, UsageError
@@ -65,7 +65,7 @@ def animate(
     console
         Where progress and warnings go.
     run
-        Name of the run; None: the one that `choose_run` finds.
+        Name of the run; None: the one that `run_to_show` finds.
     seed
         Which of its missions.
     file_format
@@ -99,7 +99,7 @@ def animate(
     if file_format == "mp4":
         write = write_mp4
         find_ffmpeg()
-    recording = read_recording(results_dir, choose_run(results_dir, run), seed)
+    recording = read_recording(results_dir, run_to_show(results_dir, run), seed)
     states = list(_states(recording, named or {}, trust, console))
     states = thinned(states, MAX_FRAMES)
     pictures = list(

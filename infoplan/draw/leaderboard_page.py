@@ -10,7 +10,7 @@ from rich.console import Console
 from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
 from infoplan.draw.console import say
-from infoplan.draw.table_layout import Column, print_table
+from infoplan.draw.table_layout import TextColumn, print_table
 from infoplan.errors import RunError
 from infoplan.method_identity import SPIKE
 from infoplan.options import plain_number
@@ -37,7 +37,7 @@ def print_leaderboard(board: Leaderboard, console: Console) -> None:
     named = columns(board)
     first_map = 4 + len(board.rhos)
     shown = [
-        Column(
+        TextColumn(
             name,
             right=name != "method",
             spare=number if first_map <= number < len(named) - 2 else 0,

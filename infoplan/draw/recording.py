@@ -17,7 +17,7 @@ from infoplan.extent import checked_extent
 from infoplan.method_identity import method_of
 from infoplan.plan import count_flags, smooth
 from infoplan.scoring import CurveRow, Maps, State
-from infoplan.study.replayed import as_samples, explore_again, stand_in
+from infoplan.study.replayed import explore_again, stand_in, stored_samples
 from infoplan.study.run_names import find_run, stored_runs
 from infoplan.study.store import list_missions, read_footer, read_table, table_path
 from infoplan.text_options import as_command
@@ -59,7 +59,7 @@ class Recording:
     truth: Floats
 
 
-def choose_run(results_dir: Path, run: str | None) -> str:
+def run_to_show(results_dir: Path, run: str | None) -> str:
     """Find the run to animate.
 
     Parameters
@@ -183,7 +183,7 @@ def from_tables(recording: Recording) -> Iterator[State]:
     State
         After the pilot and after each epoch.
     """
-    config, table = recording.config, as_samples(recording.samples)
+    config, table = recording.config, stored_samples(recording.samples)
     extent, maps = checked_extent(config.terrain.extent), recording.maps
     x, truth, *believed = (
         maps[name].to_numpy() for name in (["x1", "x2"], "truth", "mean", "std", "outlier_density")

@@ -72,11 +72,11 @@ class Scene:
         xmin, xmax, ymin, ymax = config.terrain.extent
         self.extent = (xmin, xmax, ymin, ymax)
         self.budget, self.truth = config.budget, truth
-        self.unit = style.plain(config.terrain.unit or "", style.LONGEST_UNIT)
+        self.unit = style.inert(config.terrain.unit or "", style.LONGEST_UNIT)
         self.figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
         self.canvas = FigureCanvasAgg(self.figure)
         title = (
-            f"{style.plain(recording.method)} on {style.plain(config.terrain.name)}, "
+            f"{style.inert(recording.method)} on {style.inert(config.terrain.name)}, "
             f"ρ = {config.rho:g}, {config.detector.scope} scope, seed {recording.seed}"
         )
         headline = self._say(14, title, weight="bold")

@@ -118,11 +118,11 @@ def test_any_unit_is_inert_in_pictures_and_tables(text, tmp_path):
 def test_pictures_show_text_as_it_is(text):
     with style.journal():
         figure = style.new_figure(3.0, 2.0)
-        shown = figure.text(0, 0, style.plain(text))
+        shown = figure.text(0, 0, style.inert(text))
         assert not mpl.cbook.is_math_text(shown.get_text()) or "$" not in text
         figure.canvas.draw()
-    assert "$x$" not in style.plain(text)
-    assert len(style.plain(text)) <= style.LONGEST + text.count("$")
+    assert "$x$" not in style.inert(text)
+    assert len(style.inert(text)) <= style.LONGEST + text.count("$")
 
 
 def test_a_cell_of_a_csv_is_no_formula(tmp_path):
