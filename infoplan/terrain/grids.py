@@ -153,7 +153,8 @@ def check_elevations(elevation: Floats, what: str) -> None:
         extreme = low if -low > high else high
         raise UsageError(
             f"the map in {what} has an elevation of {plain_number(extreme)}, beyond "
-            f"{MAX_ELEVATION:g}: correct it, or mark it as missing (terrain.nodata=<number> does it for a file)"
+            f"{MAX_ELEVATION:g}: correct it, or mark it as missing (terrain.nodata=<number> does "
+            "it for a file)"
         )
 
 
