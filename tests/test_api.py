@@ -296,7 +296,7 @@ curves = infoplan.fly(config, seed=1).curves
 """
 
 
-@pytest.mark.parametrize("tool", ["mypy", "pyright"])
+@pytest.mark.parametrize("tool", [pytest.param("mypy", marks=pytest.mark.long), "pyright"])
 def test_a_users_script_is_typed(tool, tmp_path):
     pytest.importorskip(tool)
     root = str(Path(infoplan.__file__).parent.parent)

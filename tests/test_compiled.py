@@ -95,6 +95,7 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new), encoding="utf-8")
 
 
+@pytest.mark.long  # the kernels below are compiled sooner, and lie in other files, too
 def test_a_search_drives_the_car_of_the_present_source(site):
     # Straight ahead, three samples of length 1.
     assert python(site, SEARCH) == [53.0, 50.0, 0.0, 0]
@@ -120,7 +121,9 @@ def test_a_kernel_from_outside_is_never_that_of_an_earlier_process(site):
         assert python(site, FOREIGN.replace("VALUE", str(value))) == [value, 0]
 
 
-@pytest.mark.parametrize("damage", [b"", b"\x00" * 40, None])
+@pytest.mark.parametrize(
+    "damage", [None, *[pytest.param(bad, marks=pytest.mark.long) for bad in (b"", b"\x00" * 40)]]
+)
 def test_damaged_code_is_compiled_anew(site, damage):
     expected = 7.0 % (2 * np.pi)
     assert python(site, WRAP) == [pytest.approx(expected), 0]

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 
@@ -14,6 +15,8 @@ import pandas
 import pytest
 import yaml
 from command import infoplan
+
+from infoplan.cli import main
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -40,7 +43,7 @@ SMALL = {
     "budget": "130",
     "grid": "[8,8]",
     "seeds": "2",
-    "n_jobs": "2",
+    "backend": "sequential",
     "planner.iterations": "10",
     "model.pilot_iterations": "3",
     "model.iterations": "1",
@@ -52,12 +55,11 @@ def small(command: str) -> list[str]:
     words = shlex.split(command)[1:]
     said = {word.partition("=")[0] for word in words}
     no_tree = any(re.match("planner=(lawnmower|random|greedy|own)", word) for word in words)
-    added = [
-        f"{name}={value}"
-        for name, value in SMALL.items()
-        if name not in said and not (no_tree and name == "planner.iterations")
-    ]
-    return words + added if words[0] == "run" else words
+    added = {
+        "run": [name for name in SMALL if not (no_tree and name == "planner.iterations")],
+        "replay": ["backend"],
+    }
+    return [*words, *[f"{o}={SMALL[o]}" for o in added.get(words[0], []) if o not in said]]
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +83,15 @@ def test_python(text, study, monkeypatch):
 
 
 @pytest.mark.parametrize("command", dict.fromkeys(COMMANDS))
-def test_command(command, study, tmp_path):
+def test_command(command, study, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(study)
+    monkeypatch.setattr(sys, "path", list(sys.path))
     words = small(command.replace("<run>", a_run(study)))
     if words[0] in ("run", "replay"):
         # What it computes must not mix with the study that the other examples read.
         shutil.copytree(study / "results", tmp_path / "results")
         words.append(f"results_dir={tmp_path / 'results'}")
-    done = infoplan(*words, cwd=study, env=dict(os.environ), check=False)
-    assert done.returncode == 0, done.stderr + done.stdout
+    assert main(words) == 0, capfd.readouterr()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -98,8 +98,13 @@ def test_every_detector_goes_with_every_model(
     ("example", "label", "changed"),
     [
         ("own_detector.py", "puct-jumps-volcano", "threshold: 6.0"),
-        ("own_planner.py", "farthest-copod-volcano", "actions: 3"),
-        ("own_model.py", "puct-copod-Matern-volcano", "nu: 2.5"),
+        # The same by the commands of the documents: tests/test_documents.py.
+        pytest.param(
+            "own_planner.py", "farthest-copod-volcano", "actions: 3", marks=pytest.mark.long
+        ),
+        pytest.param(
+            "own_model.py", "puct-copod-Matern-volcano", "nu: 2.5", marks=pytest.mark.long
+        ),
     ],
 )
 def test_the_command_in_an_example_runs(example, label, changed, tmp_path):

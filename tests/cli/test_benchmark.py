@@ -4,6 +4,7 @@ import json
 from itertools import product
 
 import pandas as pd
+import pytest
 from command import SMALL, infoplan
 
 from infoplan.cli import main
@@ -15,6 +16,7 @@ METHODS = (
 )
 
 
+@pytest.mark.long
 def test_the_benchmark_is_every_method_on_every_map_at_every_share(tmp_path, capfd):
     assert main(["status", "--json", "experiment=benchmark", f"results_dir={tmp_path}"]) == 0
     runs = json.loads(capfd.readouterr().out)["runs"]

@@ -284,7 +284,10 @@ def test_two_replays_at_once_share_the_work(flown, tmp_path):
     assert seeds == {"seed=0", "seed=1"}
 
 
-@pytest.mark.parametrize("how", [["n_jobs=2"], ["backend=dask", "n_jobs=2"]])
+@pytest.mark.parametrize(
+    "how",
+    [["n_jobs=2"], pytest.param(["backend=dask", "n_jobs=2"], marks=pytest.mark.long)],
+)
 def test_every_pool_replays_the_same_numbers_and_tells_how_far_it_is(flown, tmp_path, how):
     folder = tmp_path / "flown"
     shutil.copytree(flown, folder)

@@ -97,6 +97,7 @@ def tables(folder: Path) -> dict[str, pd.DataFrame]:
     return found
 
 
+@pytest.mark.long  # tests/study/test_failures.py asks it of every pool, in one process
 def test_numbers_do_not_depend_on_the_number_of_workers(tmp_path):
     for jobs in (1, 2):
         infoplan("run", *SMALL, "seeds=3", f"n_jobs={jobs}", f"results_dir={tmp_path / str(jobs)}")

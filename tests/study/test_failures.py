@@ -30,7 +30,12 @@ def seeds_done(folder):
 
 
 @pytest.mark.parametrize(
-    ("backend", "jobs"), [("loky", 1), ("loky", 2), ("dask", 2)], ids=["one", "two", "dask"]
+    ("backend", "jobs"),
+    [
+        ("loky", 2),
+        *[pytest.param(*one, marks=pytest.mark.long) for one in (("loky", 1), ("dask", 2))],
+    ],
+    ids=["two", "one", "dask"],
 )
 def test_others_finish_and_the_next_call_heals(backend, jobs, tmp_path, sabotage, undisturbed):
     folder = tmp_path / "results"

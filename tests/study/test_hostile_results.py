@@ -500,7 +500,11 @@ def test_a_stored_terrain_s_function_is_never_called(theirs, folder, run, capfd)
 # Locks that fail
 
 
-@pytest.mark.parametrize("error", ["EIO", "EACCES", "EBADF", "ENOLCK", "ESTALE"])
+@pytest.mark.parametrize(
+    "error",
+    ["EIO", "EBADF"]
+    + [pytest.param(name, marks=pytest.mark.long) for name in ("EACCES", "ENOLCK", "ESTALE")],
+)
 def test_locks_that_fail_are_told_once_and_done_without(tmp_path, error):
     options = [
         "terrain=volcano", "budget=110", "grid=[5,5]", "seeds=2", "backend=sequential",

@@ -13,11 +13,12 @@ from studies import alive, assert_same_numbers, curves, family, quick, started, 
 @pytest.mark.parametrize(
     ("number", "group", "backend"),
     [
-        (signal.SIGINT, True, "loky"),  # Ctrl-C reaches workers, too
+        # Ctrl-C reaches workers, too
+        (signal.SIGINT, True, "loky"),
         (signal.SIGTERM, False, "loky"),
-        (signal.SIGHUP, True, "loky"),
+        pytest.param(signal.SIGHUP, True, "loky", marks=pytest.mark.long),
         (signal.SIGINT, True, "sequential"),
-        (signal.SIGINT, True, "dask"),
+        pytest.param(signal.SIGINT, True, "dask", marks=pytest.mark.long),
     ],
 )
 def test_an_interrupted_study_goes_on_later(number, group, backend, tmp_path):
@@ -58,7 +59,9 @@ def test_ctrl_c_while_workers_start_is_quiet(tmp_path):
     assert len(said.splitlines()) == 1
 
 
-@pytest.mark.parametrize("pause", [0.0, 0.02, 0.2])
+@pytest.mark.parametrize(
+    "pause", [0.02, *[pytest.param(long, marks=pytest.mark.long) for long in (0.0, 0.2)]]
+)
 def test_a_second_ctrl_c_changes_nothing(pause, tmp_path):
     with started(tmp_path, "seeds=40", "n_jobs=2", slow=0.5) as process:
         until(lambda: list(tmp_path.glob(".locks/*")), process)
