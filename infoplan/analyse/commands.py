@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from infoplan.analyse.tables import Selection, changed_options, flatten
+from infoplan.analyse.configurations import changed_options, flatten
+from infoplan.analyse.tables import Selection
 from infoplan.config import TERRAIN_SCHEMAS, TerrainConfig, terrain_kind
 from infoplan.study.store import inspect
 from infoplan.text_options import as_override, typed_text
