@@ -7,9 +7,9 @@ text are therefore read here, in one way for every command.
 import math
 import re
 import shlex
-from collections.abc import Mapping, Sequence
 from functools import cache
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -156,25 +156,10 @@ def as_override(name: str, value: Any) -> str:
     return shlex.quote(f"{name}={as_value(name, value)}")
 
 
-def command_line(words: Sequence[str], options: Mapping[str, Any]) -> str:
-    """Write a command of infoplan's that can be pasted in a shell.
-
-    Parameters
-    ----------
-    words
-        The command, its flags, and words that are no options.
-    options
-        Names and values, as of `as_value`. The default folder of the results is left out.
-
-    Returns
-    -------
-    str
-        ``infoplan run rho=0.1 'results_dir=my results'``.
-    """
-    told = {name: value for name, value in options.items()
-            if name != "results_dir" or str(value) != Config().results_dir}  # fmt: skip
-    written = (as_override(name, value) for name, value in told.items())
-    return " ".join(["infoplan", *map(shlex.quote, words), *written])
+def as_command(words: str, results_dir: str | Path) -> str:
+    """Write a command for a results folder, which is named if it is not the default one."""
+    usual = str(results_dir) == Config().results_dir
+    return words if usual else f"{words} {as_override('results_dir', results_dir)}"
 
 
 def decimal(value: float) -> float:

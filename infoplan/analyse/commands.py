@@ -5,10 +5,12 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from infoplan.analyse.tables import Selection, changed_options, flatten
+from infoplan.analyse.configurations import changed_options, flatten
+from infoplan.analyse.tables import Selection
 from infoplan.config import TERRAIN_SCHEMAS, TerrainConfig, terrain_kind
+from infoplan.method_identity import PAPERS_CHOICES
 from infoplan.study.store import inspect
-from infoplan.text_options import command_line, typed_text
+from infoplan.text_options import as_override, typed_text
 
 NOT_OPTIONS = ("terrain.name", "terrain.unit", "terrain.sha256", "numerics_version")
 """Parts of a stored configuration that the command line has no option for, or names otherwise."""
@@ -32,19 +34,19 @@ def commands(selection: Selection, wanted: Iterable[Wanted]) -> tuple[str, ...]:
 
 
 def run_command(selection: Selection, method: str, rho: float, scope: str = "batch") -> str:
-    """Command that makes one run, ``method`` as in ``UCT-COPOD``."""
-    planner, detector = method.lower().split("-")
+    """Command that makes one run of a method of the paper, as ``UCT-COPOD``."""
+    planner, detector = PAPERS_CHOICES[method]
     options: dict[str, Any] = {"planner": planner, "detector": detector}
     if scope == "historical" and detector == "copod":
         options["detector.scope"] = scope
     options["rho"] = rho
-    return command_line(["run"], options | _common(selection, detector == "copod"))
+    return _line(["infoplan", "run"], options | _common(selection, detector == "copod"))
 
 
 def study_command(selection: Selection) -> str:
     """Command that makes the paper's whole study and keeps what is there."""
     common = _common(selection, True)
-    return command_line(["run", "-m"], {"experiment": "fig5"} | common)
+    return _line(["infoplan", "run", "-m"], {"experiment": "fig5"} | common)
 
 
 def _common(selection: Selection, copod: bool) -> dict[str, Any]:
@@ -58,7 +60,9 @@ def _common(selection: Selection, copod: bool) -> dict[str, Any]:
     count = seeds == list(range(len(seeds)))
     if not (count and len(seeds) == 10):
         options["seeds"] = len(seeds) if count else seeds
-    return options | {"results_dir": selection.results_dir}
+    if str(selection.results_dir) != "results":
+        options["results_dir"] = selection.results_dir
+    return options
 
 
 def _terrain_options(selection: Selection) -> dict[str, Any]:
@@ -79,6 +83,10 @@ def _terrain_options(selection: Selection) -> dict[str, Any]:
             if known and option not in NOT_OPTIONS and value != default.get(option):
                 options[option] = value
     return options
+
+
+def _line(words: list[str], options: dict[str, Any]) -> str:
+    return " ".join([*words, *(as_override(name, value) for name, value in options.items())])
 
 
 def _typed_path(selection: Selection) -> str | None:

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from infoplan.errors import UsageError
-from infoplan.text_options import command_line
+from infoplan.text_options import as_command
 from infoplan.wording import counted, harmless, suggest
 
 SHORTEST = 4
@@ -59,7 +59,7 @@ def choose_run(text: str, runs: Iterable[str], results_dir: str | Path) -> str:
     if not names:
         raise UsageError(
             f"run={text} is not stored in {results_dir}, which holds no finished mission: fly one "
-            f"with {command_line(['run'], {'results_dir': results_dir})}, or name another "
+            f"with {as_command('infoplan run', results_dir)}, or name another "
             "results_dir="
         )
     hashes = {name: name.rpartition("-")[2] for name in names}
@@ -91,4 +91,4 @@ def listed(runs: list[str], results_dir: str | Path) -> str:
     more = len(runs) - MOST_LISTED
     if more <= 0:
         return shown
-    return f"{shown} or {more} others ({command_line(['status'], {'results_dir': results_dir})})"
+    return f"{shown} or {more} others ({as_command('infoplan status', results_dir)})"
