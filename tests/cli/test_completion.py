@@ -156,7 +156,7 @@ def test_bash_may_break_words_at_other_characters(breaks, folder, monkeypatch, c
     monkeypatch.chdir(folder)
     for line in ("infoplan run planner=w", "infoplan run terrain.path=maps/hi"):
         monkeypatch.setenv("COMP_WORDBREAKS", " \t\n\"'><;|&(" + breaks)
-        monkeypatch.setenv("COMP_LINE", line + "XXX")
+        monkeypatch.setenv("COMP_LINE", line + "behind-the-cursor")
         monkeypatch.setenv("COMP_POINT", str(len(line)))
         assert main(["-sc", "query=bash"]) == 0
         (reply,) = capfd.readouterr().out.splitlines()

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,8 +11,6 @@ import yaml
 from command import SMALL, infoplan
 
 from infoplan.cli import main
-
-CLOCKS = ["plan_seconds", "fit_seconds", "predict_seconds", "detect_seconds"]
 
 BAD = {
     "planner=foo": "there is no planner 'foo': planner= takes greedy, lawnmower,",
@@ -87,25 +84,6 @@ def test_a_run_leaves_the_tables_and_a_summary(tmp_path):
     assert maps.groupby("seed").size().tolist() == [144, 144]
     again = infoplan("run", *SMALL, "seeds=2", f"results_dir={tmp_path}").stdout
     assert "2 of 2 missions are there already" in again
-
-
-def tables(folder: Path) -> dict[str, pd.DataFrame]:
-    found = {}
-    for path in sorted(folder.rglob("*.parquet")):
-        frame = pd.read_parquet(path, partitioning=None)
-        found[str(path.relative_to(folder))] = frame.drop(columns=CLOCKS, errors="ignore")
-    return found
-
-
-@pytest.mark.long  # tests/study/test_failures.py asks it of every pool, in one process
-def test_numbers_do_not_depend_on_the_number_of_workers(tmp_path):
-    for jobs in (1, 2):
-        infoplan("run", *SMALL, "seeds=3", f"n_jobs={jobs}", f"results_dir={tmp_path / str(jobs)}")
-    one, two = tables(tmp_path / "1"), tables(tmp_path / "2")
-    assert len(one) == 9
-    assert list(one) == list(two)
-    for name, frame in one.items():
-        pd.testing.assert_frame_equal(frame, two[name], check_exact=True)
 
 
 def test_flags_and_overrides_come_in_any_order(tmp_path):
