@@ -106,6 +106,10 @@ class Method:
         return [*(("REPLAY",) if self.replayed else ()), *words]
 
 
+PAPERS_OWN = Method(Choice("planner", "puct"), Choice("detector", "copod"), GP)
+"""What the paper proposes: PUCT-COPOD, scope batch."""
+
+
 @dataclass(frozen=True)
 class Look:
     """How a method is drawn.

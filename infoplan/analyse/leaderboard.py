@@ -246,8 +246,8 @@ class _Scores:
                 self.methods[m],
                 _interval(means[m], drawn[:, m], n),
                 _interval(means[m] - means[best], drawn[:, m] - drawn[:, best], n),
-                {rho: self._where(m, rho) for rho in rhos},
-                {fault: self._where(m, fault) for fault in faults},
+                {rho: self._under(m, "rho", rho) for rho in rhos},
+                {fault: self._under(m, "fault", fault) for fault in faults},
                 {terrain: float(area[m].mean()) for terrain, area in self.area.items()},
                 float(finals[m]),
                 float(seconds[m]),
@@ -259,11 +259,11 @@ class _Scores:
             tuple(rows), self.seeds, tuple(rhos), tuple(faults), self.budget, missions, ()
         )
 
-    def _where(self, method: int, part: float | str) -> float:
-        """Mean of a method under the conditions of a rho or a fault, every such map alike."""
+    def _under(self, method: int, part: str, value: float | str) -> float:
+        """Mean of a method where a part of the condition has a value, every such map alike."""
         areas = []
         for terrain, conditions in self.conditions.items():
-            chosen = [number for number, one in enumerate(conditions) if part in one[1:]]
+            chosen = [i for i, one in enumerate(conditions) if getattr(one, part) == value]
             if chosen:
                 areas.append(self.area[terrain][method][:, chosen].mean())
         return float(np.mean(areas))

@@ -15,7 +15,7 @@ from infoplan.analyse.tables import find_missions
 from infoplan.config import MissionConfig, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.extent import checked_extent
-from infoplan.method_identity import method_of
+from infoplan.method_identity import PAPERS_OWN, method_of
 from infoplan.plan import count_flags, smooth
 from infoplan.scoring import CurveRow, Maps, State
 from infoplan.study.replayed import explore_again, stand_in, stored_samples
@@ -233,8 +233,9 @@ def difference_from_curve(states: Sequence[State], recording: Recording) -> str:
 
 
 def _is_papers_own(results_dir: Path, run: str) -> bool:
-    """Whether a run is PUCT-COPOD at rho 0.1 and scope batch."""
+    """Whether a run is the paper's own method at rho 0.1."""
     seed = list_missions(results_dir)[run][0]
-    science = read_footer(table_path(results_dir, "curves", run, seed)).configuration
-    setting = science["detector"]["scope"], science["rho"]
-    return method_of(stored_options(science)).label == "PUCT-COPOD" and setting == ("batch", 0.1)
+    options = stored_options(
+        read_footer(table_path(results_dir, "curves", run, seed)).configuration
+    )
+    return method_of(options) == PAPERS_OWN and options["rho"] == 0.1

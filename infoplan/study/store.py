@@ -17,7 +17,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -42,12 +42,8 @@ from infoplan.tables import (
 )
 from infoplan.wording import harmless
 
-if TYPE_CHECKING:
-    pass
-
 FOOTER = b"infoplan"
 """Key of the JSON document in a table's Parquet metadata."""
-
 
 SCRATCH = ".scratch"
 """Folder of files that are being written: some readers take every file in a table's folder."""
