@@ -257,7 +257,7 @@ def test_choices_change_detector_charts_and_map(browser):
     browser.one("[data-layer='false alarms']").click()
     assert browser.all("#alarm-map path.false-alarms") == []
     browser.one("[data-layer='outliers missed']").click()
-    assert len(browser.all("#alarm-map path.spikes-missed")) == 2
+    assert len(browser.all("#alarm-map path.outliers-missed")) == 2
 
 
 def test_headings_sort_the_runs(browser):
