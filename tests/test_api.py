@@ -24,7 +24,8 @@ SHORT = [option for option in SMALL if not option.startswith(("seeds", "n_jobs")
 
 
 def test_a_mission_in_python_has_the_tables_of_the_command_line(tmp_path):
-    assert main(["run", *SMALL, "seeds=[3]", "rho=0.2", f"results_dir={tmp_path}"]) == 0
+    words = [*SMALL, "seeds=[3]", "rho=0.2", "backend=sequential"]
+    assert main(["run", *words, f"results_dir={tmp_path}"]) == 0
     (path,) = (tmp_path / "runs").glob("*.yaml")
     assert path.name.startswith("puct-copod-volcano-rho0.2-batch-")
     frames = infoplan.fly(infoplan.configure(*SHORT, rho=0.2), seed=3)

@@ -43,6 +43,7 @@ def test_a_search_names_its_best_trial(launcher, tmp_path):
         assert list(folder.rglob("*_log.out"))
 
 
+@pytest.mark.long
 def test_a_sweep_folder_is_made_and_a_failed_trial_told(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
     words = [*SMALL, "backend=sequential", "hydra.sweep.dir=here/it is", *SEARCH]

@@ -27,6 +27,7 @@ def test_the_benchmark_is_every_method_on_every_map_at_every_share(tmp_path, cap
     assert all(run["missing"] == [0, 1, 2, 3, 4] for run in runs)
 
 
+@pytest.mark.long
 def test_a_tiny_benchmark_is_ranked(tmp_path, capfd):
     short = [
         option

@@ -150,7 +150,7 @@ def test_replays_are_never_pooled_with_flown_runs(flown):
 
 def test_what_is_there_is_kept_and_shown_beside_the_source(flown, capfd):
     name = runs(flown)["puct-copod"]
-    arguments = ["replay", name, "detector=none", f"results_dir={flown}", "n_jobs=1"]
+    arguments = ["replay", name, "detector=none", f"results_dir={flown}", "backend=sequential"]
     assert main(arguments) == 0
     assert "2 missions replayed, 0 kept" in capfd.readouterr().out
     said = command(*arguments).stdout
@@ -240,7 +240,7 @@ def test_what_breaks_down_is_named_and_the_others_go_on(flown, tmp_path, capfd):
     shutil.copytree(flown, folder)
     name = runs(folder)["puct-copod"]
     knn = ["detector=pyod", "detector.model=KNN", "detector.params.n_neighbors=5000"]
-    assert main(["replay", name, *knn, f"results_dir={folder}", "n_jobs=1"]) == 1
+    assert main(["replay", name, *knn, f"results_dir={folder}", "backend=sequential"]) == 1
     said = capfd.readouterr().out
     assert said.count("FAILED: the detector pyod_knn failed in epoch 1") == 2
     assert len(list((folder / "failures").rglob("*.txt"))) == 2

@@ -102,7 +102,8 @@ def test_flags_and_overrides_come_in_any_order(tmp_path):
 
 def test_a_multirun_runs_every_combination(tmp_path):
     infoplan(
-        "run", "rho=0.05,0.1", "-m", *SMALL, "planner=uct,puct", f"results_dir={tmp_path}",
+        "run", "rho=0.05,0.1", "-m", *SMALL, "planner=uct,puct", "backend=sequential",
+        f"results_dir={tmp_path}",
         cwd=tmp_path,
     )  # fmt: skip
     curves = pd.read_parquet(tmp_path / "curves")
@@ -116,7 +117,7 @@ def test_a_multirun_runs_every_combination(tmp_path):
 def test_a_missing_helens_becomes_volcano_everywhere(tmp_path):
     lost = {"INFOPLAN_DATA": "", "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path),
             "https_proxy": "http://127.0.0.1:9", "HTTPS_PROXY": "http://127.0.0.1:9"}  # fmt: skip
-    small = [override for override in SMALL if override != "terrain=volcano"]
+    small = [*(word for word in SMALL if word != "terrain=volcano"), "backend=sequential"]
     results = tmp_path / "results"
     done = infoplan("run", *small, f"results_dir={results}", env=lost)
     assert done.stdout.count("WARNING") == 1

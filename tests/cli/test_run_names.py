@@ -84,7 +84,7 @@ def test_every_command_takes_every_name(command, name, form, folder, tmp_path, c
     more = ["--json"] if command == "status" else []
     if command == "replay":  # which stores a run of its own
         folder = shutil.copytree(folder, tmp_path / "copy")
-        more += ["seeds=1", "n_jobs=1"]
+        more += ["seeds=1", "backend=sequential"]
     assert main([command, word, f"results_dir={folder}", *more]) == 0
     said = capfd.readouterr().out
     assert run in said or command == "audit"
@@ -126,7 +126,9 @@ def test_filters_are_read_as_their_options_are(word, folder, capfd):
 
 def test_replays_are_chosen_by_any_name_of_the_run_that_was_flown(folder, tmp_path, capfd):
     copy = shutil.copytree(folder, tmp_path / "copy")
-    assert main(["replay", "uct", "detector=none", f"results_dir={copy}", "n_jobs=1"]) == 0
+    assert (
+        main(["replay", "uct", "detector=none", f"results_dir={copy}", "backend=sequential"]) == 0
+    )
     capfd.readouterr()
     flown = next(run for run in stored_runs(copy) if run.startswith("uct"))
     for word in ("replay=uct", f"replay={flown}", f"replay={flown[-8:]}", "replay=true"):

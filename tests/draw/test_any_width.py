@@ -29,7 +29,7 @@ from infoplan.study.runner import plan_study, run_study
 from infoplan.study.study import Study
 
 WIDTHS = (40, 60, 80, 100, 120, 200)
-SLOW = ("run", "dry-run", "audit")
+SLOW = ("run", "dry-run", "replay", "audit")
 """Commands that are tried at three widths only."""
 
 UNIT = "<script>\x1b[31m[/red]`|"
@@ -45,7 +45,7 @@ COMMANDS = {
     "claims": ["claims", "planner.exploration=0.7"],
     "leaderboard": ["leaderboard"],
     "show": ["show", "HASH"],
-    "replay": ["replay", "HASH", "detector=best", "n_jobs=1"],
+    "replay": ["replay", "HASH", "detector=best", "backend=sequential"],
     "audit": ["audit", "run=NAME", "seeds=[0]"],
 }
 
@@ -221,7 +221,7 @@ def test_the_closing_table_and_the_plan_print_labels_as_they_are(hostile, capfd,
         ["leaderboard"],
         ["leaderboard", "--markdown"],
         ["leaderboard", "--html"],
-        ["replay", "HASH", "detector=best", "n_jobs=1"],
+        ["replay", "HASH", "detector=best", "backend=sequential"],
         ["audit", "seeds=[0]"],
     ],
 )

@@ -10,7 +10,7 @@ import pytest
 
 BACKENDS = ("module://matplotlib_inline.backend_inline", "nonsense", "TkAgg")
 SHORT = ("terrain=volcano", "budget=130", "seeds=1", "grid=[10,10]", "planner.iterations=5",
-         "model.pilot_iterations=1", "model.iterations=1", "n_jobs=1")  # fmt: skip
+         "model.pilot_iterations=1", "model.iterations=1", "backend=sequential")  # fmt: skip
 
 
 def ended(backend: str, command: list[str], folder: Path) -> str:
@@ -75,12 +75,15 @@ print(matplotlib.rcParams["backend"])
 """
 
 
-@pytest.mark.parametrize(("backend", "kept"), [("nonsense", "agg"), ("svg", "svg")])
+@pytest.mark.parametrize(
+    ("backend", "kept"), [("nonsense", "agg"), pytest.param("svg", "svg", marks=pytest.mark.long)]
+)
 def test_a_users_backend_stays_theirs(backend, kept, tmp_path):
     made_methods.store(tmp_path / "made", "puct", "copod")
     assert ended(backend, ["-c", LIBRARY], tmp_path).strip().lower() == kept
 
 
+@pytest.mark.long
 def test_nothing_here_imports_pyplot(tmp_path):
     made_methods.store(tmp_path / "made", "puct", "copod")
     code = LIBRARY.replace('build("ECOD", 0.1, {}, 0)', "") + (

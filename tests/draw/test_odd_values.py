@@ -36,7 +36,9 @@ def embedded(page: str) -> dict:
     return json.loads(text, parse_constant=refuse)
 
 
-@pytest.mark.parametrize("bad", [np.inf, np.nan, 1e200])
+@pytest.mark.parametrize(
+    "bad", [np.inf, *(pytest.param(odd, marks=pytest.mark.long) for odd in (np.nan, 1e200))]
+)
 def test_errors_beyond_all_measure_are_gaps_and_are_told(bad, tmp_path):
     run = made_methods.store(tmp_path, "uct", "copod", rmse=[500.0, bad, 400.0, bad])
     made_methods.store(tmp_path, "uct", "copod", seed=1)
@@ -98,7 +100,7 @@ def drawn_texts(folder: Path) -> list[str]:
     return [axes.get_title(loc="left") for axes in scene.figure.axes]
 
 
-@pytest.mark.parametrize("text", ["".join(NASTY), "$x$"])
+@pytest.mark.parametrize("text", ["".join(NASTY), pytest.param("$x$", marks=pytest.mark.long)])
 def test_any_unit_is_inert_in_pictures_and_tables(text, tmp_path):
     for planner in ("uct", "puct"):
         made_methods.store(tmp_path, planner, "copod", terrain__unit=text)

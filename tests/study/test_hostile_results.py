@@ -420,7 +420,7 @@ def test_reading_never_imports(theirs, arguments, capfd):
 
 def test_a_replay_without_trust_is_refused(theirs, capfd):
     run, mark, module = theirs
-    assert main(["replay", run, "n_jobs=1", "results_dir=results"]) == 2
+    assert main(["replay", run, "backend=sequential", "results_dir=results"]) == 2
     said = capfd.readouterr().err
     assert "theirs.jumps" in said
     assert "trust=true" in said
@@ -440,7 +440,9 @@ def test_an_animation_without_trust_shows_what_the_tables_hold(theirs, capfd):
     assert "theirs" not in sys.modules
 
 
-@pytest.mark.parametrize("arguments", [["replay", "{}", "n_jobs=1"], ["animate", "run={}"]])
+@pytest.mark.parametrize(
+    "arguments", [["replay", "{}", "backend=sequential"], ["animate", "run={}"]]
+)
 def test_a_trusted_function_needs_its_digest(theirs, arguments, capfd):
     run, mark, module = theirs
     line = [part.format(run) for part in arguments] + ["results_dir=results"]
@@ -456,7 +458,9 @@ def test_a_trusted_function_needs_its_digest(theirs, arguments, capfd):
     assert mark.exists()
 
 
-@pytest.mark.parametrize("arguments", [["replay", "{}", "n_jobs=1"], ["animate", "run={}"]])
+@pytest.mark.parametrize(
+    "arguments", [["replay", "{}", "backend=sequential"], ["animate", "run={}"]]
+)
 def test_the_command_line_may_name_the_function_itself(theirs, arguments, capfd):
     run, mark, module = theirs
     line = [part.format(run) for part in arguments] + ["results_dir=results"]

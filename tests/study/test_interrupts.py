@@ -15,7 +15,7 @@ from studies import alive, assert_same_numbers, curves, family, quick, started, 
     [
         # Ctrl-C reaches workers, too
         (signal.SIGINT, True, "loky"),
-        (signal.SIGTERM, False, "loky"),
+        pytest.param(signal.SIGTERM, False, "loky", marks=pytest.mark.long),
         pytest.param(signal.SIGHUP, True, "loky", marks=pytest.mark.long),
         (signal.SIGINT, True, "sequential"),
         pytest.param(signal.SIGINT, True, "dask", marks=pytest.mark.long),

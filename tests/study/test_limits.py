@@ -89,7 +89,7 @@ def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, t
 
 HUGE = {
     "sweep: ['sensor.noise_std=range(0,100000) budget=range(200,10200)']": "1.00e+09",
-    "sweep: ['rho=range(0,1,0.00001) sensor.noise_std=range(0,1000)', 'rho=0.1']": "1.00e+08",
+    "sweep: ['rho=range(0,1,0.01) sensor.noise_std=range(0,1000000)', 'rho=0.1']": "1.00e+08",
     "hydra: {sweeper: {params: {sensor.noise_std: 'range(0,100000)', budget: 'range(200,10200)'}}}":
         "1.00e+09",
     "hydra: {sweeper: {params: {rho: 'range(0,1,0.000000001)'}}}": "1.00e+09",

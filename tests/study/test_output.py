@@ -23,7 +23,9 @@ def run(folder: Path, redirections: str, *options: str) -> subprocess.CompletedP
     [
         (">&-", "cannot be written (it is closed): what"),
         (">/dev/full", "cannot be written (No space left on device): what"),
-        ("| head -c 1", "cannot be written (Broken pipe): what"),
+        pytest.param(
+            "| head -c 1", "cannot be written (Broken pipe): what", marks=pytest.mark.long
+        ),
     ],
 )
 def test_a_study_outlives_its_output(redirections, reason, backend, tmp_path):
@@ -37,7 +39,9 @@ def test_a_study_outlives_its_output(redirections, reason, backend, tmp_path):
         assert done.returncode == 1
 
 
-@pytest.mark.parametrize("redirections", ["2>&-", "2>/dev/full", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "redirections", ["2>/dev/full", "<&- >&- 2>&-", pytest.param("2>&-", marks=pytest.mark.long)]
+)
 def test_a_study_needs_no_standard_error(redirections, tmp_path):
     done = run(tmp_path, redirections, "seeds=1", "n_jobs=1")
     assert done.returncode == (1 if " >&-" in redirections else 0)

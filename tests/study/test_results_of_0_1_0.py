@@ -77,7 +77,7 @@ def test_it_is_drawn(folder):
 
 def test_it_is_replayed(folder, capfd):
     [run] = [name for name in list_missions(folder) if name.startswith("uct-none")]
-    arguments = ["replay", run, "detector=local", f"results_dir={folder}", "n_jobs=1"]
+    arguments = ["replay", run, "detector=local", f"results_dir={folder}", "backend=sequential"]
     assert main(arguments) == 0
     assert "0 missions replayed, 1 kept" in capfd.readouterr().out
     assert main([*arguments, "resume=false"]) == 0

@@ -30,7 +30,7 @@ def test_the_example_is_short():
 
 
 def test_the_example_runs_from_the_command_line(tmp_path, monkeypatch, capfd):
-    small = [override for override in SMALL if override != "terrain=volcano"]
+    small = [*(word for word in SMALL if word != "terrain=volcano"), "backend=sequential"]
     # A process of its own, where nothing but the current directory leads to the module.
     infoplan(
         "run", "-m", *OWN, "terrain.options.count=3", "terrain.options.height=300,200", *small,
