@@ -10,7 +10,8 @@ from infoplan.analyse import find_study
 from infoplan.analyse.commands import run_command, study_command
 
 ODD = [
-    *(word for word in SMALL if not word.startswith("terrain")), "rho=0.1", "seeds=[2]", "backend=sequential",
+    *(word for word in SMALL if not word.startswith("terrain")), "rho=0.1", "seeds=[2]",
+    "backend=sequential",
     "robot.max_steering=0.2617993877991494", "planner.exploration=0.30000000000000004",
     "results_dir=it's 1.10, here", "terrain=file", "terrain.path=größe (1), a.npy",
     "detector=copod", "terrain.extent=[0,60.5,0,60.5]",
