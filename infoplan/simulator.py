@@ -65,7 +65,8 @@ class Simulator:
         measured = measure(truth, self.config.sensor.noise_std, rng)
         time = np.arange(self._time, self._time + len(trajectory), dtype=np.float64)
         self._time += len(trajectory)
-        said = self._corrupt(Sensed(x, heading, truth, measured, time, epoch))
+        lowest, highest = float(self.grid_truth.min()), float(self.grid_truth.max())
+        said = self._corrupt(Sensed(x, heading, truth, measured, time, epoch, lowest, highest))
         return Batch(x, heading, said.measured, said.is_outlier, truth)
 
     def _corrupt(self, sensed: Sensed) -> Corrupted:
@@ -73,7 +74,8 @@ class Simulator:
         if not (sensed.epoch or self.config.pilot.outliers):
             return Corrupted(sensed.measured, np.zeros(len(sensed), dtype=bool))
         rng = generator(self.seed, "fault", sensed.epoch)
-        corrupted: Corrupted = self._fault(sensed, self._fault_state, self.config.rho, rng)
+        with np.errstate(over="ignore", invalid="ignore"):  # told by the belief
+            corrupted: Corrupted = self._fault(sensed, self._fault_state, self.config.rho, rng)
         self._fault_state = corrupted.state
         return corrupted
 

@@ -19,7 +19,9 @@ from infoplan.study.identity import config_from_science, identify
 
 def add_spikes(measured, rho, rng, **options):
     n = len(measured)
-    sensed = Sensed(np.zeros((n, 2)), np.zeros(n), measured, measured, np.arange(n) * 1.0, 1)
+    sensed = Sensed(
+        np.zeros((n, 2)), np.zeros(n), measured, measured, np.arange(n) * 1.0, 1, 0.0, 1.0
+    )
     said = spike(sensed, None, rho, rng, **options)
     return said.measured, said.is_outlier
 

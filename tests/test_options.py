@@ -156,6 +156,18 @@ OF_THE_CHOICE = {
         "model.function": "own_methods.Rough",
         **MODEL,
     },
+    ("fault", "max_range"): {"fault.level": 3.0},
+    ("fault", "uniform"): {"fault.bounds": [0.0, 1.0]},
+    ("fault", "burst"): {"fault.length": 2.0, "fault.amplitude": [0.5, 0.6]},
+    ("fault", "stuck"): {"fault.length": 4.0},
+    ("fault", "bias"): {"fault.length": 4.0, "fault.amplitude": [0.5, 0.6]},
+    ("fault", "drift"): {"fault.length": 4.0, "fault.rate": 0.1},
+    ("fault", "heavy_tail"): {"fault.dof": 1.0, "fault.scale": 0.2},
+    ("fault", "local"): {
+        "fault.regions": [0.0, 25.0, 0.0, 50.0],
+        "fault.factor": 2.0,
+        "fault.amplitude": [0.5, 0.6],
+    },
 }
 """A change of every option of the choices that are not the default of their group."""
 

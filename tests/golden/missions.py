@@ -42,6 +42,16 @@ MISSIONS = {
     "random-spiky-pilot": ["planner=random", "detector=none", "pilot.outliers=true"],
     "random-bernoulli": ["planner=random", "detector=none", "outliers.count=bernoulli"],
     "random-floor": ["planner=random", "detector=none", "outliers.count=floor"],
+    "random-max-range": ["planner=random", "detector=none", "fault=max_range"],
+    "random-uniform": ["planner=random", "detector=none", "fault=uniform"],
+    "random-burst": ["planner=random", "detector=none", "fault=burst"],
+    "random-stuck": ["planner=random", "detector=none", "fault=stuck"],
+    "random-bias": ["planner=random", "detector=none", "fault=bias"],
+    "random-drift-from-the-start": [
+        "planner=random", "detector=none", "fault=drift", "pilot.outliers=true",
+    ],
+    "random-heavy-tail": ["planner=random", "detector=none", "fault=heavy_tail"],
+    "random-local": ["planner=random", "detector=none", "fault=local"],
     "random-field": ["planner=random", "detector=none", "terrain=random_field", "terrain.seed=3"],
     "random-jacksboro": ["planner=random", "detector=none", "terrain=jacksboro"],
 }  # fmt: skip
