@@ -95,6 +95,7 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new), encoding="utf-8")
 
 
+@pytest.mark.long  # the kernels below are compiled sooner, and lie in other files, too
 def test_a_search_drives_the_car_of_the_present_source(site):
     # Straight ahead, three samples of length 1.
     assert python(site, SEARCH) == [53.0, 50.0, 0.0, 0]

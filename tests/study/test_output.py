@@ -17,7 +17,7 @@ def run(folder: Path, redirections: str, *options: str) -> subprocess.CompletedP
     return subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=300)
 
 
-@pytest.mark.parametrize("backend", ["loky", "sequential"])
+@pytest.mark.parametrize("backend", ["loky", pytest.param("sequential", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("redirections", "reason"),
     [

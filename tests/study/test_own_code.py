@@ -78,10 +78,16 @@ def run(tmp_path: Path, *options: str, method: str = "", **keywords: object):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("backend", ["loky", "sequential"])
 @pytest.mark.parametrize(
-    ("method", "words"),
-    [("leaves", "GeneratorExit"), ("interrupts", "KeyboardInterrupt"), ("odd", "Odd: one of its")],
+    ("method", "words", "backend"),
+    [
+        ("leaves", "GeneratorExit", "sequential"),
+        ("interrupts", "KeyboardInterrupt", "sequential"),
+        ("odd", "Odd: one of its", "sequential"),
+        ("interrupts", "KeyboardInterrupt", "loky"),
+        pytest.param("leaves", "GeneratorExit", "loky", marks=pytest.mark.long),
+        pytest.param("odd", "Odd: one of its", "loky", marks=pytest.mark.long),
+    ],
 )
 def test_whatever_is_raised_fails_the_mission_alone(method, words, backend, tmp_path):
     done = run(tmp_path, "seeds=1", "n_jobs=1", f"backend={backend}", method=method)
@@ -130,7 +136,7 @@ def test_a_timeout_is_above_zero(option, tmp_path):
     assert run(tmp_path, option).returncode == 2
 
 
-@pytest.mark.parametrize("backend", ["loky", "sequential"])
+@pytest.mark.parametrize("backend", [pytest.param("loky", marks=pytest.mark.long), "sequential"])
 def test_a_child_that_comes_back_says_nothing(backend, tmp_path):
     done = run(tmp_path, "seeds=2", "n_jobs=1", f"backend={backend}", method="forks")
     assert done.returncode == 0, done.stdout + done.stderr
