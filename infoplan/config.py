@@ -7,7 +7,7 @@ numbers. `Config` adds what does not: seeds, workers, paths.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
@@ -281,6 +281,62 @@ class LocalConfig(DetectorConfig):
 
 
 @dataclass
+class HampelConfig(DetectorConfig):
+    """Deviation from the running median along the track."""
+
+    name: str = option("hampel", "detector", choices=("hampel",))
+    reach: int = option(
+        5, "samples before and after that one is compared with", at_least=1, at_most=10**6
+    )
+    threshold: float = option(
+        3.0,
+        "largest distance from their median kept",
+        unit="their deviations",
+        above=0,
+        at_most=1e12,
+    )
+
+
+@dataclass
+class QartodConfig(DetectorConfig):
+    """Tests of oceanography's real-time data: gross range, spike, rate of change, flat line."""
+
+    name: str = option("qartod", "detector", choices=("qartod",))
+    gross_range: float | None = option(
+        5.0,
+        "largest distance from the median of all kept; null: not tested",
+        unit="the measurements' deviations",
+        above=0,
+        at_most=1e12,
+    )
+    spike: float | None = option(
+        8.0,
+        "largest distance from the middle of both neighbours kept; null: not tested",
+        unit="the usual distance",
+        above=0,
+        at_most=1e12,
+    )
+    rate: float | None = option(
+        8.0,
+        "largest step from the sample before kept; null: not tested",
+        unit="the usual step",
+        above=0,
+        at_most=1e12,
+    )
+    flat: int | None = option(
+        3,
+        "samples that a value may last for; null: not tested",
+        unit="samples",
+        at_least=1,
+        at_most=10**6,
+    )
+    tolerance: float = option(
+        0.0, "by how much it may change meanwhile", unit="the terrain's unit", at_least=0,
+        at_most=1e100,
+    )  # fmt: skip
+
+
+@dataclass
 class OwnDetectorConfig(DetectorConfig):
     """A detector of the user's."""
 
@@ -525,6 +581,75 @@ class DriftConfig(StretchConfig):
     )
 
 
+@dataclass
+class DropoutConfig(StretchConfig):
+    """No measurement at all."""
+
+    name: str = option("dropout", "fault", choices=("dropout",))
+    length: float = _length(3.0, "mean length of a stretch without any")
+
+
+@dataclass
+class MixedConfig(FaultConfig):
+    """Several faults at once, each by its weight."""
+
+    name: str = option("mixed", "fault", choices=("mixed",))
+    faults: list[str] = option(
+        ["burst", "max_range", "stuck"],
+        "which",
+        choices=(
+            "spike", "max_range", "uniform", "burst", "stuck", "bias", "drift", "heavy_tail",
+            "local", "dropout",
+        ),
+    )  # fmt: skip
+    weights: list[float] = option(
+        [], "how frequent each is, compared with the others; none: all alike", above=0, at_most=1e9
+    )
+    options: dict[str, Any] = option({}, "theirs by name, as in fault.options.burst.length=8")
+
+    def shares(self, rho: float) -> list[float]:
+        """Share of the samples that each fault spoils, such that rho are spoilt by any of them.
+
+        They go their ways independently: 1 - rho is the product of what each leaves alone.
+        """
+        weights = self.weights or [1.0] * len(self.faults)
+        return [1.0 - (1.0 - rho) ** (weight / sum(weights)) for weight in weights]
+
+    def parts(self) -> list[FaultConfig]:
+        """Options of each fault.
+
+        Raises
+        ------
+        UsageError
+            If one has not such an option.
+        """
+        parts = []
+        for name in self.faults:
+            part = METHODS["fault"][name]
+            given = self.options.get(name, {})
+            known = {item.name for item in fields(part)} - {"name"}
+            if not isinstance(given, dict) or not set(given) <= known:
+                raise UsageError(
+                    f"fault.options.{name}={given} is not possible: it must be a mapping of "
+                    f"{', '.join(sorted(known))}"
+                )
+            # A rounded share of a batch, of a small share, would always be none.
+            usual = {"count": "bernoulli"} if name == "spike" else {}
+            parts.append(replace(part, **{**usual, **given}))
+        return parts
+
+
+@dataclass
+class OwnFaultConfig(FaultConfig):
+    """A fault of the user's."""
+
+    name: str = option("own", "fault", choices=("own",))
+    function: str | None = option(
+        None, "module.function; a module in the current directory is found"
+    )
+    options: dict[str, Any] = option({}, "its keyword-only parameters")
+
+
 METHODS: dict[str, dict[str, Any]] = {
     "planner": {
         "uct": TreeSearchConfig(name="uct"),
@@ -542,6 +667,8 @@ METHODS: dict[str, dict[str, Any]] = {
         "pyod": PyodConfig(),
         "gp_residual": GpResidualConfig(),
         "local": LocalConfig(),
+        "hampel": HampelConfig(),
+        "qartod": QartodConfig(),
         "own": OwnDetectorConfig(),
     },
     "model": {"gp": GpConfig(), "student_t": StudentTConfig(), "own": OwnModelConfig()},
@@ -555,6 +682,9 @@ METHODS: dict[str, dict[str, Any]] = {
         "drift": DriftConfig(),
         "heavy_tail": HeavyTailConfig(),
         "local": LocalFaultConfig(),
+        "dropout": DropoutConfig(),
+        "mixed": MixedConfig(),
+        "own": OwnFaultConfig(),
     },
 }
 """The options of every planner, detector, model and fault, with their defaults."""
@@ -646,7 +776,10 @@ if TYPE_CHECKING:
     class AnyPlanner(WeightedConfig, GreedyConfig, LawnmowerConfig, RandomConfig, OwnPlannerConfig):
         """Options of all planners."""
 
-    class AnyDetector(CopodConfig, PyodConfig, GpResidualConfig, LocalConfig, OwnDetectorConfig):
+    class AnyDetector(
+        CopodConfig, PyodConfig, GpResidualConfig, LocalConfig, HampelConfig, QartodConfig,
+        OwnDetectorConfig,
+    ):  # fmt: skip
         """Options of all detectors."""
 
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
@@ -657,7 +790,7 @@ if TYPE_CHECKING:
 
     class AnyFault(
         SpikeConfig, MaxRangeConfig, UniformConfig, BurstConfig, StuckConfig, BiasConfig,
-        DriftConfig, HeavyTailConfig, LocalFaultConfig,
+        DriftConfig, HeavyTailConfig, LocalFaultConfig, DropoutConfig, MixedConfig, OwnFaultConfig,
     ):  # fmt: skip
         """Options of all faults."""
 
@@ -798,6 +931,19 @@ def _check_fault(fault: FaultConfig, rho: float) -> None:
             f"fault.regions={regions} are no rectangles: give xmin, xmax, ymin, ymax of each, the "
             "smaller bound first"
         )
+    if isinstance(fault, MixedConfig):
+        if len(fault.weights) not in (0, len(fault.faults)):
+            raise UsageError(
+                f"fault.weights={fault.weights} does not fit fault.faults={fault.faults}: give one "
+                "weight for each, or none"
+            )
+        if foreign := set(fault.options) - set(fault.faults):
+            raise UsageError(
+                f"fault.options.{min(foreign)} has no use: fault.faults={fault.faults} has it not"
+            )
+        for part, share in zip(fault.parts(), fault.shares(rho), strict=True):
+            check_options(part, f"fault.options.{part.name}.")
+            _check_fault(part, share)
 
 
 def seed_list(seeds: Any) -> Sequence[int]:

@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.answers import checked_corruption
 from infoplan.config import MissionConfig
 from infoplan.extent import query_grid
 from infoplan.fault import Corrupted, Sensed
-from infoplan.methods import find
+from infoplan.methods import find, method_label
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path
 from infoplan.samples import Batch
@@ -75,7 +76,8 @@ class Simulator:
             return Corrupted(sensed.measured, np.zeros(len(sensed), dtype=bool))
         rng = generator(self.seed, "fault", sensed.epoch)
         with np.errstate(over="ignore", invalid="ignore"):  # told by the belief
-            corrupted: Corrupted = self._fault(sensed, self._fault_state, self.config.rho, rng)
+            said = self._fault(sensed, self._fault_state, self.config.rho, rng)
+        corrupted = checked_corruption(said, sensed, method_label(self.config.fault))
         self._fault_state = corrupted.state
         return corrupted
 

@@ -1,23 +1,37 @@
 """Every fault: share, labels, sizes, stretches and state, over many seeds."""
 
 import inspect
-from dataclasses import fields
+import sys
+from dataclasses import fields, replace
 from itertools import groupby
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import yaml
+from flown import fly, short_mission, store
 from scipy import stats
 
 import infoplan
-from infoplan.config import METHODS, Config
-from infoplan.fault import FAULTS, Sensed
+from infoplan.analyse.audit import audit_mission
+from infoplan.cli import main
+from infoplan.config import METHODS, Config, OwnFaultConfig
+from infoplan.detect import DETECTORS
+from infoplan.errors import RunError
+from infoplan.fault import FAULTS, Corrupted, Sensed
 from infoplan.methods import find
+from infoplan.model import MODELS, GaussianProcess
+from infoplan.plan import count_flags, smooth
 from infoplan.simulator import Simulator
+from infoplan.study.store import table_path
 
+EXAMPLES = Path(__file__).parent.parent / "examples"
 LOWEST, HIGHEST = 200.0, 1200.0
 NOISE = np.random.default_rng(7).standard_normal((200, 8000))
-LASTING = {"burst": 5.0, "stuck": 10.0, "bias": 20.0, "drift": 20.0}
+LASTING = {"burst": 5.0, "stuck": 10.0, "bias": 20.0, "drift": 20.0, "dropout": 3.0}
 EVERY = sorted(set(FAULTS) - {"spike"})
+IMPURE = ("local", "mixed")  # samples do not have the same odds, or not one kind of stretch
 
 
 def sensed(n, start=0, *, epoch=1, seed=0):
@@ -49,7 +63,7 @@ def runs(labels):
 
 def test_the_options_are_the_functions_defaults():
     for name, options in METHODS["fault"].items():
-        if name in FAULTS:
+        if name in FAULTS and name != "mixed":
             default = inspect.signature(FAULTS[name]).parameters
             for item in fields(options):
                 if item.name != "name":
@@ -79,7 +93,7 @@ def test_rho_is_the_expected_share_however_large_the_batches(name, rho, sizes):
         memory = 1 - 1 / LASTING[name] / (1 - rho)  # between a sample and the next
         lags = np.arange(1, n)
         spread *= np.sqrt(1 + 2 * np.sum((1 - lags / n) * memory**lags))
-    if name != "local":
+    if name not in IMPURE:
         assert shares.std() == pytest.approx(spread, rel=0.3)
 
 
@@ -87,6 +101,7 @@ def test_rho_is_the_expected_share_however_large_the_batches(name, rho, sizes):
 def test_labels_are_where_the_fault_has_changed_something(name):
     error, labels, _ = said(name, 0.3, [7] * 40, seed=3)
     np.testing.assert_array_equal(labels, error != 0)
+    np.testing.assert_array_equal(np.isnan(error), labels & (name == "dropout"))
     assert 20 < labels.sum() < 200
     assert not said(name, 0.0, [7] * 40, seed=3)[1].any()
 
@@ -233,3 +248,186 @@ def test_a_share_out_of_reach_is_refused(name):
 def test_regions_are_rectangles(regions):
     with pytest.raises(infoplan.UsageError, match="are no rectangles"):
         infoplan.configure("fault=local", f"fault.regions={regions}")
+
+
+def test_the_faults_of_a_mixture_have_their_weights():
+    one = {"options": {"burst": {"amplitude": [5.0, 6.0]}, "max_range": {"level": 9.0}}}
+    shares = []
+    for seed in range(60):
+        error, labels, measured = said(
+            "mixed", 0.3, [30, 30], seed, faults=["burst", "max_range", "spike"],
+            weights=[1.0, 3.0, 2.0], **one,
+        )  # fmt: skip
+        limit, burst = measured == LOWEST + 9000, (np.abs(error) > 4999) & (measured < 8000)
+        shares.append([labels.mean(), limit.mean(), burst.mean()])
+    # 0.7 is the product of what each leaves; the spike, the last, has the last word.
+    left = 0.7 ** (np.array([1, 3, 2]) / 6)
+    expected = [0.3, (1 - left[1]) * left[2], (1 - left[0]) * left[1] * left[2]]
+    deviation = np.std(shares, axis=0) / np.sqrt(len(shares))
+    assert np.all(np.abs(np.mean(shares, axis=0) - expected) < 4 * deviation)
+
+
+def test_a_mixture_of_one_is_that_one():
+    alone = said("mixed", 0.4, [9] * 30, faults=["stuck"], options={"stuck": {"length": 4.0}})
+    held = np.flatnonzero(alone[1])
+    np.testing.assert_array_equal(alone[2][held], alone[2][held - 1])
+    assert runs(alone[1]).mean() == pytest.approx(4.0, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["fault.weights=[1,2]"], "give one weight for each, or none"),
+        (["fault.weights=[1,0,1]"], "above 0"),
+        (["fault.faults=[]"], "use one or several of"),
+        (["fault.faults=[mixed]"], "use one or several of"),
+        (["fault.options.drift.rate=1"], "fault.options.drift has no use"),
+        (["fault.options.burst.size=1"], "must be a mapping of amplitude, length"),
+        (["fault.options.burst.length=0"], "fault.options.burst.length=0 is out of bounds"),
+        (["fault.options.burst.length=x"], "fault.options.burst.length=x is not possible"),
+        (["fault.options.burst.amplitude=[2,1]"], "the wrong way round"),
+        (["rho=1"], "out of reach of fault=burst"),
+    ],
+)
+def test_a_wrong_mixture_is_one_sentence(words, sentence):
+    with pytest.raises(infoplan.UsageError) as refused:
+        infoplan.configure("fault=mixed", *words)
+    assert sentence in str(refused.value)
+
+
+def test_what_is_not_measured_reaches_neither_detector_nor_model(volcano, monkeypatch):
+    """Every detector sees numbers alone; such samples are flagged, counted and not used."""
+    given = []
+
+    class Model(GaussianProcess):
+        def __init__(self, x, y, **options):
+            given.append(y)
+            super().__init__(x, y, **options)
+
+        def append(self, x, y):
+            given.append(y)
+            super().append(x, y)
+
+        def replace(self, x, y):
+            given.append(y)
+            super().replace(x, y)
+
+    def asked(samples, model, rng):
+        given.append(samples.measured)
+        assert len(samples.x) == len(samples.epoch) == len(samples.flagged) == len(samples)
+        return samples.measured > 2900, samples.measured
+
+    monkeypatch.setitem(MODELS, "gp", Model)
+    monkeypatch.setitem(DETECTORS, "none", asked)
+    for scope in ("batch", "historical"):
+        config = short_mission(detector="none", rho=0.5, budget=180)
+        config.detector.scope = scope
+        config.pilot = replace(config.pilot, outliers=True)
+        config.fault = METHODS["fault"]["dropout"]
+        states = fly(config, volcano, seed=2)
+        samples, row = states[-1].samples, states[-1].row
+        silent = np.isnan(samples.measured)
+        np.testing.assert_array_equal(silent, samples.is_outlier)
+        assert 50 < silent.sum() < 130
+        assert silent[samples.epoch == 0].any()
+        assert samples.flagged[silent].all()
+        assert np.isnan(samples.score[silent]).all()
+        judged = ~silent & ((samples.epoch > 0) | (scope == "historical"))
+        np.testing.assert_array_equal(samples.flagged[judged], samples.measured[judged] > 2900)
+        assert row.accepted == np.sum(~samples.flagged)
+        assert sum(state.row.tp for state in states) >= silent[samples.epoch > 0].sum()
+        assert all(np.isfinite(values).all() for values in given)
+        counts = count_flags(samples.x[samples.flagged], volcano.extent, tuple(config.grid))
+        expected = smooth(counts, config.planner.smoothing, volcano.extent)
+        np.testing.assert_allclose(states[-1].maps.outlier_density, expected.ravel(), atol=1e-12)
+    assert len(given) > 10
+
+
+@pytest.mark.parametrize("detector", ["copod", "best"])
+def test_a_mission_of_dropouts_is_stored_audited_replayed_and_told(detector, volcano, tmp_path):
+    config = short_mission(detector=detector, rho=0.4, budget=160)
+    config.pilot = replace(config.pilot, outliers=True)
+    config.fault = METHODS["fault"]["dropout"]
+    run = store(tmp_path, config, volcano)
+    findings = audit_mission(tmp_path, run, 0)
+    assert not [finding for finding in findings if not finding.holds]
+    [share] = [finding for finding in findings if finding.check == "outlier share"]
+    assert share.detail.endswith("dropout")
+    flown = pd.read_parquet(table_path(tmp_path, "samples", run, 0), partitioning=None)
+    assert flown["measured"].isna().sum() > 20
+    words = ["detector=local", "n_jobs=1", "backend=sequential", f"results_dir={tmp_path}"]
+    assert main(["replay", run, *words]) == 0
+    assert main(["audit", f"results_dir={tmp_path}"]) == 0
+
+
+def test_a_pilot_without_measurements_fails_in_one_sentence(volcano):
+    config = short_mission(rho=0.99)
+    config.pilot = replace(config.pilot, outliers=True)
+    config.fault = replace(METHODS["fault"]["dropout"], length=1e5)
+    with pytest.raises(RunError, match=r"^only 0 of the 100 pilot samples have a measurement"):
+        fly(config, volcano)
+
+
+def test_own_faults_are_flown_and_not_called_for_stored_runs(volcano, tmp_path, monkeypatch):
+    monkeypatch.chdir(EXAMPLES)
+    config = short_mission(detector="none", rho=0.2, budget=160)
+    config.fault = OwnFaultConfig(function="own_fault.echo", options={"delay": 4})
+    run = store(tmp_path, config, volcano)
+    assert "-echo-" in run
+    samples = pd.read_parquet(table_path(tmp_path, "samples", run, 0), partitioning=None)
+    outliers = np.flatnonzero(samples["is_outlier"])
+    assert 2 < len(outliers) < 30
+    said, epoch = samples["measured"].to_numpy(), samples["epoch"].to_numpy()
+    assert np.all(epoch[outliers - 4] > 0)
+    plain = outliers[~samples["is_outlier"].to_numpy()[outliers - 4]]
+    np.testing.assert_array_equal(said[plain], said[plain - 4])
+    monkeypatch.setattr(sys.modules["own_fault"], "echo", None)
+    told = {finding.check: finding for finding in audit_mission(tmp_path, run, 0)}
+    assert all(finding.holds for finding in told.values())
+    assert told["outlier errors"].omitted == "the errors: the fault is the user's own"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_fault")
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != str(EXAMPLES)])
+    words = ["detector=local", "n_jobs=1", "backend=sequential", f"results_dir={tmp_path}"]
+    assert main(["replay", run, *words]) == 0
+    [again] = tmp_path.glob("runs/replay-*.yaml")
+    assert yaml.safe_load(again.read_text())["fault"]["function"] == "own_fault.echo"
+    assert "own_fault" not in sys.modules
+
+
+def two_numbers(sensed, state, rho, rng):
+    return sensed.measured, np.zeros(len(sensed), dtype=bool)
+
+
+def too_short(sensed, state, rho, rng):
+    return Corrupted(sensed.measured[1:], np.zeros(len(sensed), dtype=bool))
+
+
+def no_booleans(sensed, state, rho, rng):
+    return Corrupted(sensed.measured, np.zeros(len(sensed)))
+
+
+def secretive(sensed, state, rho, rng):
+    return Corrupted(sensed.measured + 1, np.zeros(len(sensed), dtype=bool))
+
+
+def broken(sensed, state, rho, rng):
+    raise OSError("no link")
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (two_numbers, "the fault two_numbers gave tuple: it must return a Corrupted"),
+        (too_short, "the fault too_short gave measurements of shape (9,)"),
+        (no_booleans, "labels of type float64"),
+        (secretive, "the fault secretive calls samples sound that it has changed"),
+        (broken, "the fault broken failed in epoch 1: OSError: no link (test_faults.py, line"),
+    ],
+)
+def test_what_an_own_fault_gives_is_checked(fault, sentence, volcano):
+    config = short_mission(detector="none", budget=110)
+    config.fault = OwnFaultConfig(function=f"{__name__}.{fault.__name__}")
+    with pytest.raises(RunError) as refused:
+        fly(config, volcano)
+    assert sentence in str(refused.value)

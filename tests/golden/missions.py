@@ -52,6 +52,18 @@ MISSIONS = {
     ],
     "random-heavy-tail": ["planner=random", "detector=none", "fault=heavy_tail"],
     "random-local": ["planner=random", "detector=none", "fault=local"],
+    "random-mixed": ["planner=random", "detector=none", "fault=mixed"],
+    "random-dropout-from-the-start": [
+        "planner=random", "detector=local", "fault=dropout", "pilot.outliers=true",
+    ],
+    "random-hampel": ["planner=random", "detector=hampel"],
+    "random-hampel-historical": [
+        "planner=random", "detector=hampel", "detector.scope=historical",
+    ],
+    "random-qartod": ["planner=random", "detector=qartod", "fault=stuck"],
+    "random-qartod-historical": [
+        "planner=random", "detector=qartod", "detector.scope=historical",
+    ],
     "random-field": ["planner=random", "detector=none", "terrain=random_field", "terrain.seed=3"],
     "random-jacksboro": ["planner=random", "detector=none", "terrain=jacksboro"],
 }  # fmt: skip

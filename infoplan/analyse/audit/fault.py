@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from infoplan.analyse.audit.stored import (
@@ -15,18 +14,17 @@ from infoplan.analyse.audit.stored import (
     Booleans,
     FaultError,
     Floats,
+    Integers,
     Partial,
     StoredMission,
     demand,
     demand_close,
 )
 
-Integers = NDArray[np.int64]
-
 SCATTERED = ("max_range", "uniform", "heavy_tail")
 """Faults that hit each sample with probability rho, whatever befalls the others."""
 
-LASTING = ("burst", "stuck", "bias", "drift")
+LASTING = ("burst", "stuck", "bias", "drift", "dropout")
 """Faults that come in stretches."""
 
 
@@ -44,7 +42,7 @@ def check_share(mission: StoredMission) -> str | Partial:
     elif name == "local":
         stay = begin = _local_chances(mission, chosen, rho)
     else:
-        return Partial(f"{found} of {n} samples", f"the share: nothing is known of fault={name}")
+        return Partial(f"{found} outliers in {n} samples", f"the share: {_unknown(mission)}")
     chances = count_chances(rho, stay, begin)
     # Both tails; of a stuck sensor the first value of all is its own.
     slack = int(name == "stuck")
@@ -58,12 +56,24 @@ def check_errors(mission: StoredMission) -> str | Partial:
     """Check that what outliers say is what the fault may say."""
     name = mission.option("fault.name")
     if name not in ERRORS:
-        return Partial("", f"the errors: nothing is known of fault={name}")
+        return Partial("", f"the errors: {_unknown(mission)}")
     outliers = np.flatnonzero(mission.samples["is_outlier"].to_numpy())
+    said = mission.samples["measured"].to_numpy()[outliers]
+    demand(
+        np.isnan(said) if name == "dropout" else np.isfinite(said),
+        lambda i: f"{mission.place(outliers[i])} says {said[i]}, which {name} does not",
+    )
     if not len(outliers):
         return "no outliers"
     ERRORS[name](mission, outliers)
     return f"{len(outliers)} outliers as of {name}"
+
+
+def _unknown(mission: StoredMission) -> str:
+    """Say why nothing is known of a fault."""
+    if mission.is_own("fault"):
+        return "the fault is the user's own"
+    return f"which fault of fault={mission.option('fault.name')} has hit a sample is not stored"
 
 
 def spoilt(mission: StoredMission) -> Booleans:
@@ -232,5 +242,6 @@ ERRORS: dict[str, Callable[[StoredMission, Integers], None]] = {
     "stuck": _held,
     "bias": _steps,
     "drift": _growth,
+    "dropout": lambda mission, outliers: None,
 }
 """What is demanded of the outliers of a fault, by its name; their numbers are given."""
