@@ -1,4 +1,4 @@
-"""Draw what every sensor fault makes of a track, for docs/faults.md: ``draw_faults.py [folder]``."""
+"""Draw what every sensor fault makes of a track: ``draw_faults.py [folder]``, else docs/faults."""
 
 import sys
 from pathlib import Path
