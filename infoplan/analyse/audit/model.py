@@ -126,6 +126,8 @@ def _elevation_scaler(mission: StoredMission) -> tuple[float, float]:
     """Mean and deviation of the pilot's measurements."""
     pilot = mission.samples["measured"].to_numpy()[: mission.n_pilot]
     pilot = pilot[mission.told[: mission.n_pilot]]
+    if not len(pilot):
+        raise FaultError("no sample of the pilot has a measurement")
     return float(pilot.mean()), float(pilot.std())
 
 
