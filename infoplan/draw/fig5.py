@@ -11,7 +11,7 @@ from infoplan.analyse.curves import drawable, on_common_axis
 from infoplan.analyse.statistics import bootstrap_band
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
-from infoplan.method_identity import NEVER_ERRS, PAPERS, Look, looks
+from infoplan.method_identity import NEVER_ERRS, PAPERS, PAPERS_CHOICES, Look, looks
 from infoplan.wording import counted
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ PANELS = {
 
 NEEDS = tuple(
     dict.fromkeys(
-        (method, rho, scope if method.endswith("COPOD") else "batch")
+        (method, rho, "batch" if PAPERS_CHOICES[method][1] in NEVER_ERRS else scope)
         for rho, scope in PANELS.values()
         for method in METHODS
     )
@@ -89,7 +89,7 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
         grid[0, 0].set_ylim(bottom=0)
         grid[0, 0].set_xlim(0, selection.budget)
         figure.supxlabel(f"collected samples ({_seeds(numbers)})", fontsize=7)
-        figure.supylabel(f"RMSE ({style.plain(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
+        figure.supylabel(f"RMSE ({style.inert(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
         lines = {line.get_gid(): line for axes in grid.flat for line in axes.get_lines()}
         handles = [lines[method] for method in order if method in lines]
         # The other methods' rows of strokes are longer.
@@ -139,14 +139,14 @@ def _draw_method(
                       alpha=0.5)  # fmt: skip
     low, mean, high = (drawable(curve[name], usual) for name in ("low", "mean", "high"))
     axes.fill_between(curve["collected"], low, high, color=look.colour, alpha=0.2, lw=0)
-    axes.plot(curve["collected"], mean, **style.line(look), label=style.plain(method), gid=method)
+    axes.plot(curve["collected"], mean, **style.line(look), label=style.inert(method), gid=method)
 
 
 def _name_gaps(axes: "Axes", here: pd.DataFrame, usual: "pd.Series[float]") -> None:
     """Say which methods have errors that no axis holds."""
     lost = here["method"][np.isnan(drawable(here["mean"], usual))].unique()
     if len(lost):
-        told = "\n".join(f"{style.plain(method)}: not finite in part" for method in lost)
+        told = "\n".join(f"{style.inert(method)}: not finite in part" for method in lost)
         axes.text(0.98, 0.02, told, ha="right", va="bottom", fontsize=5, transform=axes.transAxes)
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.backend import load_matplotlib
+from infoplan.files import writing
 from infoplan.method_identity import Look
 from infoplan.wording import csv_cell, harmless
 
@@ -82,7 +83,7 @@ def line(look: Look) -> dict[str, Any]:
     return {"color": look.colour, "linestyle": (0, look.dashes) if look.dashes else "solid"}
 
 
-def plain(text: object, longest: int = LONGEST) -> str:
+def inert(text: object, longest: int = LONGEST) -> str:
     """Write text of unknown origin for a picture, which shows it as it is: no formulas."""
     shown = harmless(text)
     shown = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
@@ -116,18 +117,24 @@ def save(figure: "Figure", folder: Path, name: str, numbers: pd.DataFrame) -> li
     -------
     list of Path
         The three files.
+
+    Raises
+    ------
+    RunError
+        If they cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}.{kind}" for kind in ("png", "pdf", "csv")]
-    figure.savefig(paths[0], dpi=300)
-    # Without a date the same results give the same file.
-    figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
     texts = {
         str(name): column.map(csv_cell, na_action="ignore")
         for name, column in numbers.items()
         if not pd.api.types.is_numeric_dtype(column)
     }
-    numbers.assign(**texts).to_csv(paths[2], index=False, float_format="%.10g")
+    with writing(paths[0]):
+        folder.mkdir(parents=True, exist_ok=True)
+        figure.savefig(paths[0], dpi=300)
+        # Without a date the same results give the same file.
+        figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
+        numbers.assign(**texts).to_csv(paths[2], index=False, float_format="%.10g")
     return paths
 
 
@@ -170,7 +177,7 @@ def show_map(
         vmax=vmax,
         interpolation="bicubic" if smooth else "nearest",
     )
-    workspace(axes, extent)
+    frame_workspace(axes, extent)
     return image
 
 
@@ -201,7 +208,7 @@ def show_relief(
         origin="lower",
         interpolation="bicubic",
     )
-    workspace(axes, extent)
+    frame_workspace(axes, extent)
     return ScalarMappable(Normalize(like.min(), like.max()), ELEVATION)
 
 
@@ -238,7 +245,7 @@ def shaded(elevation: Floats, extent: Extent, like: Floats) -> Floats:
     return np.asarray(rgba[::-1])
 
 
-def workspace(axes: "Axes", extent: Extent) -> None:
+def frame_workspace(axes: "Axes", extent: Extent) -> None:
     """Frame the workspace, axes labelled in its units."""
     from matplotlib.ticker import MaxNLocator
 

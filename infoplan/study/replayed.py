@@ -37,13 +37,13 @@ def explore_again(
         After the pilot and after each epoch.
     """
     truth = maps["truth"].to_numpy(dtype=np.float64)
-    source = StoredSource(as_samples(samples), checked_extent(config.terrain.extent), truth)
+    source = StoredSource(stored_samples(samples), checked_extent(config.terrain.extent), truth)
     # A planner or fault of the user's own need not be there any more.
     flown = replace(config, planner=stand_in(config), fault=SpikeConfig(), budget=len(samples))
     return explore(flown, source, seed)
 
 
-def as_samples(table: pd.DataFrame) -> Samples:
+def stored_samples(table: pd.DataFrame) -> Samples:
     """Read the table of samples."""
     return Samples(
         x=table[["x1", "x2"]].to_numpy(dtype=np.float64),

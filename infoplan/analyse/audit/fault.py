@@ -73,7 +73,9 @@ def _unknown(mission: StoredMission) -> str:
     """Say why nothing is known of a fault."""
     if mission.is_own("fault"):
         return "the fault is the user's own"
-    return f"which fault of fault={mission.option('fault.name')} has hit a sample is not stored"
+    if mission.option("fault.name") == "mixed":
+        return "which of the mixed faults has hit a sample is not stored"
+    return f"nothing is known of fault={mission.option('fault.name')}"
 
 
 def spoilt(mission: StoredMission) -> Booleans:

@@ -43,7 +43,7 @@ def check_truth(mission: StoredMission) -> str | Partial:
 
 
 def check_sensor(mission: StoredMission) -> str:
-    """Check that measurements without a spike are the truth plus the sensor's Gaussian noise."""
+    """Check that measurements but for outliers are the truth plus the sensor's Gaussian noise."""
     sigma = float(mission.option("sensor.noise_std"))
     clean = np.flatnonzero(~mission.samples["is_outlier"].to_numpy())
     noise = (mission.samples["measured"] - mission.samples["truth"]).to_numpy()[clean]
@@ -52,7 +52,7 @@ def check_sensor(mission: StoredMission) -> str:
     reach = stats.norm.isf(CHANCE / 2 / n) * sigma + mission.elevation_tolerance
     demand(
         np.abs(noise) <= reach,
-        lambda i: f"{mission.place(clean[i])} is {noise[i]:.3g} off the truth without a spike",
+        lambda i: f"{mission.place(clean[i])} is {noise[i]:.3g} off the truth and no outlier",
     )
     mean, std = float(noise.mean()), float(np.sqrt(np.mean(noise**2)))
     if not abs(mean) <= stats.norm.isf(CHANCE / 2) * sigma / math.sqrt(n) + reach * ROUNDING:
@@ -70,13 +70,13 @@ def _spiked_epochs(mission: StoredMission) -> range:
 
 def check_spike_count(mission: StoredMission) -> str:
     """Check that as many samples of each batch are spikes as rho and the rule of counting say."""
-    rho, rule = float(mission.option("rho")), mission.option("fault.count")
     spiked = mission.samples["is_outlier"].to_numpy()
     if not mission.option("pilot.outliers"):
         demand(
             ~spiked[mission.epoch == 0],
-            lambda i: f"{mission.place(i)} is a spike, but the pilot has none",
+            lambda i: f"{mission.place(i)} is an outlier, but the pilot has none",
         )
+    rho, rule = float(mission.option("rho")), mission.option("fault.count")
     sizes = {e: int(np.sum(mission.epoch == e)) for e in _spiked_epochs(mission)}
     for e, n in sizes.items():
         count = int(np.sum(spiked[mission.epoch == e]))
