@@ -38,7 +38,8 @@ def touch(folder, table, name, column, change, among=None):
     path = table_path(folder, table, name, 2)
     footer = json.loads(pq.read_schema(path).metadata[b"infoplan"])
     frame = pd.read_parquet(path, partitioning=None)
-    row = frame[column].where(frame[among] if among else True).last_valid_index()
+    chosen = frame[column].where(frame[among]) if among else frame[column]
+    row = chosen.last_valid_index()
     frame.loc[row, column] = change(frame.loc[row, column])
     texts = [key for key in frame if frame[key].dtype.kind not in "bif"]
     columns = {key: pa.array(frame[key].to_numpy()) for key in frame if key not in texts}
@@ -60,6 +61,8 @@ DETECTORS = {
     "residual, historical": ("gp_residual", {"threshold": 2.0, "scope": "historical"}),
     "local": ("local", {"threshold": 2.0}),
     "local, historical": ("local", {"neighbours": 5, "scope": "historical"}),
+    "hampel": ("hampel", {"threshold": 2.0}),
+    "qartod, historical": ("qartod", {"spike": 3.0, "scope": "historical"}),
 }
 
 
