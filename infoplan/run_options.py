@@ -350,7 +350,15 @@ def _record(setting: Setting) -> tuple[str, str]:
 
 
 def _write_choice(formatter: click.HelpFormatter, group: str, names: list[str]) -> None:
-    formatter.write(f"{' ' * formatter.current_indent}{group}={'|'.join(names)}\n")
+    line = " " * formatter.current_indent + f"{group}="
+    indent = " " * len(line)
+    for number, name in enumerate(names):
+        word = name + "|" * (number < len(names) - 1)
+        if number and len(line) + len(word) > formatter.width:
+            formatter.write(f"{line}\n")
+            line = indent
+        line += word
+    formatter.write(f"{line}\n")
 
 
 def _write_settings(

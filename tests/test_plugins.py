@@ -42,7 +42,8 @@ def in_examples(monkeypatch):
 
 def test_the_help_lists_the_choices_of_every_group(capfd):
     assert main(["run", "--help"]) == 0
-    listed = dict(re.findall(r"^ +(\w+)=([\w|]+)$", capfd.readouterr().out, re.MULTILINE))
+    page = re.sub(r"\|\n +", "|", capfd.readouterr().out)
+    listed = dict(re.findall(r"^ +(\w+)=([\w|]+)$", page, re.MULTILINE))
     assert set(listed) == {"planner", "fault", "detector", "terrain", "model", "experiment"}
     for group, choices in listed.items():
         names = [entry.name for entry in resources.files("infoplan.conf").joinpath(group).iterdir()]

@@ -82,7 +82,7 @@ def test_show_speaks_ascii_where_it_must(folder):
     ("arguments", "message"),
     [
         (["show"], "there are 2 runs: name one, or its hash: puct-copod-volcano"),
-        (["show", "nothing"], "run=nothing is not stored in the results: use puct-copod"),
+        (["show", "nothing"], "run=nothing is not stored in {folder}: use puct-copod"),
         (["show", "one", "two"], "show takes one run, not 2"),
         (["claims", "--json", "--markdown"], "as --json or as --markdown, not both"),
         (["claims", "planner.exploration=9"], "no mission with planner.exploration=9"),
@@ -94,7 +94,7 @@ def test_show_speaks_ascii_where_it_must(folder):
 def test_mistakes_are_one_sentence(capsys, folder, arguments, message):
     status, out, err = run(capsys, *arguments, f"results_dir={folder}")
     assert (status, out) == (2, "")
-    assert message in err
+    assert message.format(folder=folder) in err
     assert len(err.splitlines()) == 1
 
 
