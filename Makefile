@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser coverage bench check derived clean
+.PHONY: help run figures test test-long test-browser coverage bench check derived faults clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -37,8 +37,11 @@ check: $(VENV)/.installed-dev ## set up and run the linter, the type checker and
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-derived: $(VENV)/.installed ## write conf/ and the columns in docs/results.md again, from the code that defines them
+derived: $(VENV)/.installed ## write conf/ and the tables in docs/ again, from the code that defines them
 	$(BIN)/python scripts/derive.py
+
+faults: $(VENV)/.installed ## draw the pictures of docs/faults.md again
+	$(BIN)/python scripts/draw_faults.py
 
 clean: ## remove the virtual environment and all caches; results stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage*

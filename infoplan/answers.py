@@ -1,4 +1,4 @@
-"""What planners, detectors and models answer, checked: they may be the user's own."""
+"""What planners, detectors, models and faults answer, checked: they may be the user's own."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from infoplan.detect import Judgement
 from infoplan.errors import RunError
+from infoplan.fault import Corrupted, Sensed
 from infoplan.plan import Situation
 
 Floats = NDArray[np.float64]
@@ -92,6 +93,36 @@ def checked_verdict(verdict: Any, n: int, name: str) -> Judgement:
             f"{score.dtype}: flags must be true or false, scores numbers"
         )
     return flagged, score.astype(np.float64)
+
+
+def checked_corruption(said: Any, sensed: Sensed, name: str) -> Corrupted:
+    """Return what a fault has made of a batch, if that is what it is.
+
+    Raises
+    ------
+    RunError
+        If it is not, or what it calls sound is not what the sensor said.
+    """
+    n = len(sensed)
+    if not isinstance(said, Corrupted):
+        raise RunError(f"the fault {name} gave {type(said).__name__}: it must return a Corrupted")
+    measured, labels = np.asarray(said.measured), np.asarray(said.is_outlier)
+    if measured.shape != (n,) or labels.shape != (n,):
+        raise RunError(
+            f"the fault {name} gave measurements of shape {measured.shape} and labels of shape "
+            f"{labels.shape}: both must have one entry for each of the {n} samples"
+        )
+    if measured.dtype.kind not in "fiu" or labels.dtype != bool:
+        raise RunError(
+            f"the fault {name} gave measurements of type {measured.dtype} and labels of type "
+            f"{labels.dtype}: measurements must be numbers, labels true or false"
+        )
+    if not np.array_equal(measured[~labels], sensed.measured[~labels]):
+        raise RunError(
+            f"the fault {name} calls samples sound that it has changed: is_outlier must be true "
+            "where measured is not sensed.measured"
+        )
+    return Corrupted(measured.astype(np.float64), labels, said.state)
 
 
 def checked_prediction(prediction: Any, n: int, name: str) -> tuple[Floats, Floats]:

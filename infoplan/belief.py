@@ -27,6 +27,9 @@ Integers = NDArray[np.int64]
 LARGEST = 1e100
 """Largest measurement in size: its cube, which detectors sum, is still a number."""
 
+LEAST = 3
+"""Measurements without which no model can be begun."""
+
 TURNS = 16
 """Turns on the spot that come round once."""
 
@@ -53,7 +56,8 @@ class Belief:
     epochs
         Decision epoch that collected each, 0 for the pilot, shape (n,).
     flagged, score
-        The detector's last verdict on each; never judged: False and NaN.
+        The detector's last verdict on each; never judged: False and NaN. Samples without a
+        measurement, NaN, are flagged at once, and neither detector nor model gets them.
     judged
         Which of them the last epoch has judged.
     epoch
@@ -87,14 +91,20 @@ class Belief:
         rows, columns = config.grid
         self._shape = (rows, columns)
         self.nodes = query_grid(extent, self._shape)
-        self._flag_counts: NDArray[Any] = np.zeros(self._shape)
         self.seconds = {"plan": 0.0, "fit": 0.0, "predict": 0.0, "detect": 0.0}
         self.epoch = 0
         self.readings = _checked_size(pilot)
+        told = _told(pilot)
+        if told.sum() < min(LEAST, len(pilot)):
+            raise RunError(
+                f"only {told.sum()} of the {len(pilot)} pilot samples have a measurement, and the "
+                f"model needs {LEAST}: make rho smaller or pilot.samples larger"
+            )
         self.epochs, self.flagged, self.score = _unjudged(pilot, 0)
+        self._flag_counts: NDArray[Any] = count_flags(pilot.x[self.flagged], extent, self._shape)
         self.judged = slice(0, 0)
         with self._timed("fit"):
-            self.model = new_model(pilot.x.copy(), pilot.measured.copy())
+            self.model = new_model(pilot.x[told], pilot.measured[told])
             self.model.optimize(config.model.pilot_iterations)
         self.mean, self.std, self.lml = self._predict()
 
@@ -202,21 +212,23 @@ class Belief:
     def _judge(self) -> None:
         """Ask the detector for its verdict on the samples that are to be judged."""
         readings, label = self.readings, method_label(self.config.detector)
-        asked = np.zeros(len(readings), dtype=bool)
-        asked[self.judged] = True
+        told = np.flatnonzero(_told(readings))
+        asked = told >= self.judged.indices(len(readings))[0]
+        if not asked.any():
+            return
         evidence = Evidence(
-            _locked(readings.x),
-            _locked(readings.measured),
-            _locked(self.epochs),
-            _locked(self.flagged),
+            _locked(readings.x[told]),
+            _locked(readings.measured[told]),
+            _locked(self.epochs[told]),
+            _locked(self.flagged[told]),
             _locked(asked),
-            None if readings.is_outlier is None else _locked(readings.is_outlier),
+            None if readings.is_outlier is None else _locked(readings.is_outlier[told]),
         )
         rng = generator(self.seed, "detector", self.epoch)
         verdict = self._detector(evidence, self.model, rng)
-        flagged, score = checked_verdict(verdict, len(readings), label)
-        self.flagged[self.judged] = flagged[self.judged]
-        self.score[self.judged] = score[self.judged]
+        flagged, score = checked_verdict(verdict, len(told), label)
+        self.flagged[told[asked]] = flagged[asked]
+        self.score[told[asked]] = score[asked]
 
     def _predict(self) -> tuple[Floats, Floats, float]:
         """Predict the query grid (line 5)."""
@@ -242,16 +254,20 @@ def number_of(owner: Any, name: str) -> float:
 def _unjudged(batch: Readings, epoch: int) -> tuple[Integers, NDArray[np.bool_], Floats]:
     """Epoch, verdict and score of samples that nobody has judged."""
     n = len(batch)
-    return np.full(n, epoch), np.zeros(n, dtype=bool), np.full(n, np.nan)
+    return np.full(n, epoch), ~_told(batch), np.full(n, np.nan)
+
+
+def _told(samples: Readings) -> NDArray[np.bool_]:
+    """Tell which samples have a measurement, shape (n,)."""
+    return ~np.isnan(samples.measured)
 
 
 def _checked_size(batch: Readings) -> Readings:
     """Refuse measurements with whose size nothing can be computed."""
-    if not np.all(np.abs(batch.measured) <= LARGEST):
-        worst = batch.measured[np.argmax(~(np.abs(batch.measured) <= LARGEST))]
+    if (huge := np.abs(batch.measured) > LARGEST).any():
         raise RunError(
-            f"a measurement is {worst:.3g}, beyond {LARGEST:g} in size: make sensor.noise_std, "
-            "fault.amplitude or the terrain's elevations smaller"
+            f"a measurement is {batch.measured[huge][0]:.3g}, beyond {LARGEST:g} in size: make "
+            "sensor.noise_std, the sizes of the fault or the terrain's elevations smaller"
         )
     return batch
 

@@ -7,7 +7,7 @@ numbers. `Config` adds what does not: seeds, workers, paths.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
@@ -281,6 +281,62 @@ class LocalConfig(DetectorConfig):
 
 
 @dataclass
+class HampelConfig(DetectorConfig):
+    """Deviation from the running median along the track."""
+
+    name: str = option("hampel", "detector", choices=("hampel",))
+    reach: int = option(
+        5, "samples before and after that one is compared with", at_least=1, at_most=10**6
+    )
+    threshold: float = option(
+        3.0,
+        "largest distance from their median kept",
+        unit="their deviations",
+        above=0,
+        at_most=1e12,
+    )
+
+
+@dataclass
+class QartodConfig(DetectorConfig):
+    """Tests of oceanography's real-time data: gross range, spike, rate of change, flat line."""
+
+    name: str = option("qartod", "detector", choices=("qartod",))
+    gross_range: float | None = option(
+        5.0,
+        "largest distance from the median of all kept; null: not tested",
+        unit="the measurements' deviations",
+        above=0,
+        at_most=1e12,
+    )
+    spike: float | None = option(
+        8.0,
+        "largest distance from the middle of both neighbours kept; null: not tested",
+        unit="the usual distance",
+        above=0,
+        at_most=1e12,
+    )
+    rate: float | None = option(
+        8.0,
+        "largest step from the sample before kept; null: not tested",
+        unit="the usual step",
+        above=0,
+        at_most=1e12,
+    )
+    flat: int | None = option(
+        3,
+        "samples that a value may last for; null: not tested",
+        unit="samples",
+        at_least=1,
+        at_most=10**6,
+    )
+    tolerance: float = option(
+        0.0, "by how much it may change meanwhile", unit="the terrain's unit", at_least=0,
+        at_most=1e100,
+    )  # fmt: skip
+
+
+@dataclass
 class OwnDetectorConfig(DetectorConfig):
     """A detector of the user's."""
 
@@ -368,6 +424,10 @@ class OwnModelConfig(ModelConfig):
     options: dict[str, Any] = option({}, "keyword-only parameters of its constructor")
 
 
+RANGES = "ranges of the terrain"
+"""Unit of a fault's sizes: the highest elevation minus the lowest, at the query grid's nodes."""
+
+
 @dataclass
 class FaultConfig:
     """What all faults of the sensor have."""
@@ -401,6 +461,195 @@ class SpikeConfig(FaultConfig):
     )
 
 
+def _sizes(default: list[float], doc: str) -> Any:
+    """Declare the bounds of a size that is drawn."""
+    return option(default, doc, unit=RANGES, above=0, at_most=1e9, length=2)
+
+
+def _length(default: float, doc: str) -> Any:
+    """Declare the mean length of what lasts."""
+    return option(default, doc, unit="samples", at_least=1, at_most=1e6)
+
+
+@dataclass
+class MaxRangeConfig(FaultConfig):
+    """Returns at the sensor's limit."""
+
+    name: str = option("max_range", "fault", choices=("max_range",))
+    level: float = option(
+        1.5,
+        "what they say: 0 is the terrain's lowest point, 1 its highest",
+        unit=RANGES,
+        at_least=-1e9,
+        at_most=1e9,
+    )
+
+
+@dataclass
+class UniformConfig(FaultConfig):
+    """Cross-talk: measurements from anywhere in a range."""
+
+    name: str = option("uniform", "fault", choices=("uniform",))
+    bounds: list[float] = option(
+        [-0.5, 1.5],
+        "of the range: 0 is the terrain's lowest point, 1 its highest",
+        unit=RANGES,
+        at_least=-1e9,
+        at_most=1e9,
+        length=2,
+    )
+
+
+@dataclass
+class HeavyTailConfig(FaultConfig):
+    """Student-t noise on some measurements."""
+
+    name: str = option("heavy_tail", "fault", choices=("heavy_tail",))
+    dof: float = option(
+        2.0, "degrees of freedom; the fewer, the heavier the tails", at_least=0.5, at_most=1e6
+    )
+    scale: float = option(
+        0.05, "of the noise", unit=RANGES, above=0,
+        at_most=1e9,
+    )  # fmt: skip
+
+
+@dataclass
+class LocalFaultConfig(FaultConfig):
+    """Spikes, more often on some ground."""
+
+    name: str = option("local", "fault", choices=("local",))
+    regions: list[float] = option(
+        [],
+        "bad ground: xmin, xmax, ymin, ymax of one rectangle, then of the next; none: the steeper, "
+        "the worse",
+        unit="workspace units",
+    )
+    factor: float = option(
+        10.0,
+        "how many times as often on the worst ground as on the best",
+        at_least=1,
+        at_most=1e9,
+    )
+    amplitude: list[float] = _sizes([0.25, 1.0], "bounds of a spike's size")
+
+
+@dataclass
+class StretchConfig(FaultConfig):
+    """What all faults have that last for a stretch."""
+
+    length: float = _length(10.0, "mean length of a stretch")
+
+
+@dataclass
+class StuckConfig(StretchConfig):
+    """The last value, again and again."""
+
+    name: str = option("stuck", "fault", choices=("stuck",))
+
+
+@dataclass
+class BurstConfig(StretchConfig):
+    """Spikes in runs."""
+
+    name: str = option("burst", "fault", choices=("burst",))
+    length: float = _length(5.0, "mean length of a burst")
+    amplitude: list[float] = _sizes([0.25, 1.0], "bounds of a spike's size")
+
+
+@dataclass
+class BiasConfig(StretchConfig):
+    """Steps: the same error for a stretch."""
+
+    name: str = option("bias", "fault", choices=("bias",))
+    length: float = _length(20.0, "mean length of a stretch")
+    amplitude: list[float] = _sizes([0.1, 0.5], "bounds of the error's size")
+
+
+@dataclass
+class DriftConfig(StretchConfig):
+    """An error that grows until it is reset."""
+
+    name: str = option("drift", "fault", choices=("drift",))
+    length: float = _length(20.0, "mean number of samples to the reset")
+    rate: float = option(
+        0.02,
+        "growth a sample",
+        unit=RANGES,
+        above=0,
+        at_most=1e9,
+    )
+
+
+@dataclass
+class DropoutConfig(StretchConfig):
+    """No measurement at all."""
+
+    name: str = option("dropout", "fault", choices=("dropout",))
+    length: float = _length(3.0, "mean length of a stretch without any")
+
+
+@dataclass
+class MixedConfig(FaultConfig):
+    """Several faults at once, each by its weight."""
+
+    name: str = option("mixed", "fault", choices=("mixed",))
+    faults: list[str] = option(
+        ["burst", "max_range", "stuck"],
+        "which",
+        choices=(
+            "spike", "max_range", "uniform", "burst", "stuck", "bias", "drift", "heavy_tail",
+            "local", "dropout",
+        ),
+    )  # fmt: skip
+    weights: list[float] = option(
+        [], "how frequent each is, compared with the others; none: all alike", above=0, at_most=1e9
+    )
+    options: dict[str, Any] = option({}, "theirs by name, as in fault.options.burst.length=8")
+
+    def shares(self, rho: float) -> list[float]:
+        """Share of the samples that each fault spoils, such that rho are spoilt by any of them.
+
+        They go their ways independently: 1 - rho is the product of what each leaves alone.
+        """
+        weights = self.weights or [1.0] * len(self.faults)
+        return [1.0 - (1.0 - rho) ** (weight / sum(weights)) for weight in weights]
+
+    def parts(self) -> list[FaultConfig]:
+        """Options of each fault.
+
+        Raises
+        ------
+        UsageError
+            If one has not such an option.
+        """
+        parts = []
+        for name in self.faults:
+            part = METHODS["fault"][name]
+            given = self.options.get(name, {})
+            known = {item.name for item in fields(part)} - {"name"}
+            if not isinstance(given, dict) or not set(given) <= known:
+                raise UsageError(
+                    f"fault.options.{name}={given} is not possible: it must be a mapping of "
+                    f"{', '.join(sorted(known))}"
+                )
+            # A rounded share of a batch, of a small share, would always be none.
+            usual = {"count": "bernoulli"} if name == "spike" else {}
+            parts.append(replace(part, **{**usual, **given}))
+        return parts
+
+
+@dataclass
+class OwnFaultConfig(FaultConfig):
+    """A fault of the user's."""
+
+    name: str = option("own", "fault", choices=("own",))
+    function: str | None = option(
+        None, "module.function; a module in the current directory is found"
+    )
+    options: dict[str, Any] = option({}, "its keyword-only parameters")
+
+
 METHODS: dict[str, dict[str, Any]] = {
     "planner": {
         "uct": TreeSearchConfig(name="uct"),
@@ -418,10 +667,25 @@ METHODS: dict[str, dict[str, Any]] = {
         "pyod": PyodConfig(),
         "gp_residual": GpResidualConfig(),
         "local": LocalConfig(),
+        "hampel": HampelConfig(),
+        "qartod": QartodConfig(),
         "own": OwnDetectorConfig(),
     },
     "model": {"gp": GpConfig(), "student_t": StudentTConfig(), "own": OwnModelConfig()},
-    "fault": {"spike": SpikeConfig()},
+    "fault": {
+        "spike": SpikeConfig(),
+        "max_range": MaxRangeConfig(),
+        "uniform": UniformConfig(),
+        "burst": BurstConfig(),
+        "stuck": StuckConfig(),
+        "bias": BiasConfig(),
+        "drift": DriftConfig(),
+        "heavy_tail": HeavyTailConfig(),
+        "local": LocalFaultConfig(),
+        "dropout": DropoutConfig(),
+        "mixed": MixedConfig(),
+        "own": OwnFaultConfig(),
+    },
 }
 """The options of every planner, detector, model and fault, with their defaults."""
 
@@ -512,7 +776,10 @@ if TYPE_CHECKING:
     class AnyPlanner(WeightedConfig, GreedyConfig, LawnmowerConfig, RandomConfig, OwnPlannerConfig):
         """Options of all planners."""
 
-    class AnyDetector(CopodConfig, PyodConfig, GpResidualConfig, LocalConfig, OwnDetectorConfig):
+    class AnyDetector(
+        CopodConfig, PyodConfig, GpResidualConfig, LocalConfig, HampelConfig, QartodConfig,
+        OwnDetectorConfig,
+    ):  # fmt: skip
         """Options of all detectors."""
 
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
@@ -521,7 +788,10 @@ if TYPE_CHECKING:
     class AnyModel(GpConfig, StudentTConfig, OwnModelConfig):
         """Options of all models."""
 
-    class AnyFault(SpikeConfig):
+    class AnyFault(
+        SpikeConfig, MaxRangeConfig, UniformConfig, BurstConfig, StuckConfig, BiasConfig,
+        DriftConfig, HeavyTailConfig, LocalFaultConfig, DropoutConfig, MixedConfig, OwnFaultConfig,
+    ):  # fmt: skip
         """Options of all faults."""
 
     class Choice(Generic[Read, Written]):
@@ -614,12 +884,7 @@ def validate(config: MissionConfig) -> None:
             f"budget={config.budget} leaves nothing to plan: it counts the pilot and must be above "
             f"pilot.samples={config.pilot.samples}"
         )
-    for name in ("amplitude", "quantiles"):
-        bounds = getattr(config.fault, name, [0, 0])
-        if bounds[0] > bounds[1]:
-            raise UsageError(
-                f"fault.{name}={bounds} is the wrong way round: the smaller bound is first"
-            )
+    _check_fault(config.fault, config.rho)
     iterations = config.model.iterations
     if isinstance(iterations, bool) or not isinstance(iterations, int | str):
         raise UsageError(f"model.iterations={iterations} must be a whole number or per_sample")
@@ -643,6 +908,42 @@ def validate(config: MissionConfig) -> None:
                 f"mission_timeout={config.mission_timeout:g} has no use with "
                 f"backend={config.backend}, which cannot end a mission alone: use backend=loky"
             )
+
+
+def _check_fault(fault: FaultConfig, rho: float) -> None:
+    """Check the relations between the options of a fault, and that it can have its share."""
+    for name in ("amplitude", "quantiles", "bounds"):
+        bounds = getattr(fault, name, [0, 0])
+        if bounds[0] > bounds[1]:
+            raise UsageError(
+                f"fault.{name}={bounds} is the wrong way round: the smaller bound is first"
+            )
+    if isinstance(fault, StretchConfig) and rho * (fault.length + 1) > fault.length:
+        raise UsageError(
+            f"rho={plain_number(rho)} is out of reach of fault={fault.name}: between stretches of "
+            f"fault.length={plain_number(fault.length)} at least one sample is sound, so rho is at "
+            f"most {plain_number(fault.length / (fault.length + 1))}"
+        )
+    regions = fault.regions if isinstance(fault, LocalFaultConfig) else []
+    lows, highs = regions[::2], regions[1::2]
+    if len(regions) % 4 or any(low >= high for low, high in zip(lows, highs, strict=True)):
+        raise UsageError(
+            f"fault.regions={regions} are no rectangles: give xmin, xmax, ymin, ymax of each, the "
+            "smaller bound first"
+        )
+    if isinstance(fault, MixedConfig):
+        if len(fault.weights) not in (0, len(fault.faults)):
+            raise UsageError(
+                f"fault.weights={fault.weights} does not fit fault.faults={fault.faults}: give one "
+                "weight for each, or none"
+            )
+        if foreign := set(fault.options) - set(fault.faults):
+            raise UsageError(
+                f"fault.options.{min(foreign)} has no use: fault.faults={fault.faults} has it not"
+            )
+        for part, share in zip(fault.parts(), fault.shares(rho), strict=True):
+            check_options(part, f"fault.options.{part.name}.")
+            _check_fault(part, share)
 
 
 def seed_list(seeds: Any) -> Sequence[int]:

@@ -12,6 +12,7 @@ from infoplan.config import (
     METHODS,
     MissionConfig,
     OwnDetectorConfig,
+    OwnFaultConfig,
     OwnModelConfig,
     OwnPlannerConfig,
     PyodConfig,
@@ -19,7 +20,7 @@ from infoplan.config import (
 from infoplan.errors import UsageError
 from infoplan.own import load, resolve_options
 
-OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig)
+OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig, OwnFaultConfig)
 
 OF_THE_MISSION = {
     "planner": ("name", "execute_actions", "smoothing", "noisy_std"),

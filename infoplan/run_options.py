@@ -24,7 +24,7 @@ from infoplan.errors import UsageError
 from infoplan.options import allowed, walk
 from infoplan.text_options import decimal, typed_text
 
-OF_OWN = re.compile(r"(planner|detector|model|terrain)\.(options|params)\.\w")
+OF_OWN = re.compile(r"(planner|detector|model|fault|terrain)\.(options|params)\.\w")
 """Options of a user's own function, or of one of PyOD's classes: of these there is no list."""
 
 NOT_STORED = ("terrain.path", "terrain.member", "terrain.on_missing")

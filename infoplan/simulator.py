@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.answers import checked_corruption
 from infoplan.config import MissionConfig
 from infoplan.extent import query_grid
 from infoplan.fault import Corrupted, Sensed
-from infoplan.methods import find
+from infoplan.methods import find, method_label
 from infoplan.randomness import generator
 from infoplan.robot import bezier_path
 from infoplan.samples import Batch
@@ -65,7 +66,8 @@ class Simulator:
         measured = measure(truth, self.config.sensor.noise_std, rng)
         time = np.arange(self._time, self._time + len(trajectory), dtype=np.float64)
         self._time += len(trajectory)
-        said = self._corrupt(Sensed(x, heading, truth, measured, time, epoch))
+        lowest, highest = float(self.grid_truth.min()), float(self.grid_truth.max())
+        said = self._corrupt(Sensed(x, heading, truth, measured, time, epoch, lowest, highest))
         return Batch(x, heading, said.measured, said.is_outlier, truth)
 
     def _corrupt(self, sensed: Sensed) -> Corrupted:
@@ -73,7 +75,9 @@ class Simulator:
         if not (sensed.epoch or self.config.pilot.outliers):
             return Corrupted(sensed.measured, np.zeros(len(sensed), dtype=bool))
         rng = generator(self.seed, "fault", sensed.epoch)
-        corrupted: Corrupted = self._fault(sensed, self._fault_state, self.config.rho, rng)
+        with np.errstate(over="ignore", invalid="ignore"):  # told by the belief
+            said = self._fault(sensed, self._fault_state, self.config.rho, rng)
+        corrupted = checked_corruption(said, sensed, method_label(self.config.fault))
         self._fault_state = corrupted.state
         return corrupted
 

@@ -170,7 +170,7 @@ TABLES: dict[str, Table] = {
         Column("x2", "double", "position", LENGTH),
         Column("heading", "double", "after the turn", "rad", at_least=0, at_most=2 * math.pi),
         Column("truth", "double", "elevation", ELEVATION),
-        Column("measured", "double", "what the sensor said", ELEVATION),
+        Column("measured", "double", "what the sensor said; nothing: NaN", ELEVATION),
         Column("score", "double", "the detector's last; none: NaN", told_by="detector", gaps=True),
         Column("is_outlier", "boolean", "whether it was corrupted"),
         Column("flagged", "boolean", "whether the detector calls it an outlier, at the end"),

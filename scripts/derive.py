@@ -1,9 +1,10 @@
-"""Write down again what follows from the code: options in conf/, columns in docs/results.md.
+"""Write down again what follows from the code: options in conf/, tables in docs/.
 
 ``make derived`` does it; a test compares. In the YAML files the comment on top, the defaults list
 and the section ``hydra`` are written by hand, in the page all but what is between the marks.
 """
 
+import re
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from typing import Any
 import yaml
 
 from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
+from infoplan.options import allowed
 from infoplan.tables import TABLES
 
 ROOT = Path(__file__).parents[1]
@@ -21,6 +23,9 @@ GROUPS: dict[str, dict[str, Any]] = METHODS | {
     "terrain": {name: schema(name=name) for name, schema in TERRAIN_SCHEMAS.items()}
 }
 WIDTH = 100
+OPTIONS_OF = re.compile(
+    r"(<!-- options of (\w+)=(\w+): make derived -->\n).*?(<!-- end -->)", re.DOTALL
+)
 MARKS = ("<!-- columns: make derived -->", "<!-- end of the columns -->")
 
 
@@ -37,6 +42,21 @@ def derived() -> Iterator[tuple[Path, str]]:
     page = ROOT / "docs" / "results.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
+    page = ROOT / "docs" / "faults.md"
+    yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
+
+
+def _options_table(found: re.Match[str]) -> str:
+    """Write the options of a choice as the table of a page."""
+    begin, group, choice, end = found.groups()
+    schema = METHODS[group][choice]
+    text = "| option | default | what it is |\n|---|---|---|\n"
+    for item in fields(schema):
+        if item.name != "name":
+            metadata = {"type": item.type, **item.metadata}
+            doc = f"{metadata['doc']}: {allowed(metadata)}"
+            text += f"| `{group}.{item.name}` | `{_value(getattr(schema, item.name))}` | {doc} |\n"
+    return f"{begin}\n{text}\n{end}"
 
 
 def _head(path: Path, group: str, choice: str, schema: Any) -> str:

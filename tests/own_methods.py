@@ -1,7 +1,8 @@
-"""Planners, detectors and models of a user's, two of each kind, for tests."""
+"""Planners, detectors, models and faults of a user's, two of each kind, for tests."""
 
 import numpy as np
 
+from infoplan.fault import Corrupted
 from infoplan.model import GaussianProcess
 
 
@@ -34,3 +35,12 @@ class Smooth(GaussianProcess):
 class Rough(GaussianProcess):
     def __init__(self, x_pilot, y_pilot):
         super().__init__(x_pilot, y_pilot, lengthscale=0.05, noise_variance=0.1)
+
+
+def raised(sensed, state, rho, rng, *, size: float = 300.0):
+    is_outlier = rng.random(len(sensed)) < rho
+    return Corrupted(sensed.measured + size * is_outlier, is_outlier)
+
+
+def lowered(sensed, state, rho, rng):
+    return raised(sensed, state, rho, rng, size=-300.0)

@@ -145,6 +145,15 @@ OF_THE_CHOICE = {
         **DETECTOR,
     },
     ("detector", "local"): {"detector.threshold": 1.0, "detector.neighbours": 4, **DETECTOR},
+    ("detector", "hampel"): {"detector.threshold": 1.0, "detector.reach": 2, **DETECTOR},
+    ("detector", "qartod"): {
+        "detector.gross_range": 0.5,
+        "detector.spike": 1.0,
+        "detector.rate": 1.0,
+        "detector.flat": None,
+        "detector.tolerance": 30.0,
+        **DETECTOR,
+    },
     ("detector", "own"): {
         "detector.options": {"share": 0.5},
         "detector.function": "own_methods.low",
@@ -156,10 +165,34 @@ OF_THE_CHOICE = {
         "model.function": "own_methods.Rough",
         **MODEL,
     },
+    ("fault", "max_range"): {"fault.level": 3.0},
+    ("fault", "uniform"): {"fault.bounds": [0.0, 1.0]},
+    ("fault", "burst"): {"fault.length": 2.0, "fault.amplitude": [0.5, 0.6]},
+    ("fault", "stuck"): {"fault.length": 4.0},
+    ("fault", "bias"): {"fault.length": 4.0, "fault.amplitude": [0.5, 0.6]},
+    ("fault", "drift"): {"fault.length": 4.0, "fault.rate": 0.1},
+    ("fault", "heavy_tail"): {"fault.dof": 1.0, "fault.scale": 0.2},
+    ("fault", "local"): {
+        "fault.regions": [0.0, 25.0, 0.0, 50.0],
+        "fault.factor": 2.0,
+        "fault.amplitude": [0.5, 0.6],
+    },
+    ("fault", "dropout"): {"fault.length": 9.0},
+    ("fault", "mixed"): {
+        "fault.faults": ["dropout", "drift"],
+        "fault.weights": [1.0, 2.0, 3.0],
+        "fault.options": {"burst": {"length": 2.0}},
+    },
+    ("fault", "own"): {
+        "fault.options": {"size": 50.0},
+        "fault.function": "own_methods.lowered",
+    },
 }
 """A change of every option of the choices that are not the default of their group."""
 
-OWN_FUNCTIONS = {"planner": "by_the_digits", "detector": "high", "model": "Smooth"}
+OWN_FUNCTIONS = {
+    "planner": "by_the_digits", "detector": "high", "model": "Smooth", "fault": "raised",
+}  # fmt: skip
 
 
 def base() -> Config:
@@ -176,6 +209,9 @@ def base_of(group: str, choice: str) -> Config:
     options = copy.deepcopy(METHODS[group][choice])
     if choice == "own":
         options.function = f"own_methods.{OWN_FUNCTIONS[group]}"
+    if choice == "qartod":  # of which each test has something to find
+        config.rho, config.fault = 0.4, METHODS["fault"]["stuck"]
+        options.flat, options.gross_range = 2, 100.0
     if choice == "pyod":
         options.model = "LOF"
     if choice == "gp_residual":

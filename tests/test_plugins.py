@@ -30,6 +30,7 @@ OWN = {
     "planner": ["planner.function=own_planner.farthest"],
     "detector": ["detector.function=own_detector.jumps"],
     "model": ["model.function=own_model.Matern"],
+    "fault": ["fault.function=own_fault.echo"],
 }
 
 
@@ -51,11 +52,16 @@ def test_the_help_lists_the_choices_of_every_group(capfd):
 
 
 @pytest.mark.parametrize(
-    ("planner", "detector", "model"),
-    list(zip(METHODS["planner"], METHODS["detector"], [*METHODS["model"]] * 3, strict=False)),
+    ("planner", "detector", "model", "fault"),
+    [
+        tuple(choices[i % len(choices)] for choices in map(list, METHODS.values()))
+        for i in range(max(map(len, METHODS.values())))
+    ],
 )
-def test_every_choice_runs_and_stands_the_audit(planner, detector, model, in_examples, tmp_path):
-    chosen = {"planner": planner, "detector": detector, "model": model}
+def test_every_choice_runs_and_stands_the_audit(
+    planner, detector, model, fault, in_examples, tmp_path
+):
+    chosen = {"planner": planner, "detector": detector, "model": model, "fault": fault}
     words = [f"{group}={name}" for group, name in chosen.items()]
     words += [word for group, name in chosen.items() if name == "own" for word in OWN[group]]
     assert main(["run", *TINY, *words, f"results_dir={tmp_path}"]) == 0
@@ -99,6 +105,9 @@ def test_every_detector_goes_with_every_model(
     ("example", "label", "changed"),
     [
         ("own_detector.py", "puct-jumps-volcano", "threshold: 6.0"),
+        pytest.param(
+            "own_fault.py", "puct-copod-echo-volcano", "delay: 30", marks=pytest.mark.long
+        ),
         # The same by the commands of the documents: tests/test_documents.py.
         pytest.param(
             "own_planner.py", "farthest-copod-volcano", "actions: 3", marks=pytest.mark.long

@@ -65,6 +65,7 @@ def rejudge(samples: pd.DataFrame, detector: Mapping[str, Any]) -> pd.DataFrame:
 
     options = {name: value for name, value in detector.items() if name not in ("name", "scope")}
     judge = DETECTORS[detector["name"]]
+    samples = samples[samples["measured"].notna()]  # no detector is asked about the others
     epoch = samples["epoch"].to_numpy()
     x = samples[["x1", "x2"]].to_numpy()
     y, outlier = samples["measured"].to_numpy(), samples["is_outlier"].to_numpy(dtype=bool)

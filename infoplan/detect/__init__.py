@@ -11,7 +11,9 @@ from infoplan.detect.any_pyod import pyod
 from infoplan.detect.copod import copod
 from infoplan.detect.evidence import Evidence, Judgement
 from infoplan.detect.gp_residual import gp_residual
+from infoplan.detect.hampel import hampel
 from infoplan.detect.local import local
+from infoplan.detect.qartod import qartod
 from infoplan.detect.trivial import best, none
 
 DETECTORS: dict[str, Callable[..., Judgement]] = {
@@ -21,6 +23,8 @@ DETECTORS: dict[str, Callable[..., Judgement]] = {
     "pyod": pyod,
     "gp_residual": gp_residual,
     "local": local,
+    "hampel": hampel,
+    "qartod": qartod,
 }
 
 __all__ = [
@@ -30,7 +34,9 @@ __all__ = [
     "best",
     "copod",
     "gp_residual",
+    "hampel",
     "local",
     "none",
     "pyod",
+    "qartod",
 ]

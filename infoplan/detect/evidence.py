@@ -8,10 +8,20 @@ from numpy.typing import NDArray
 Judgement = tuple[NDArray[np.bool_], NDArray[np.float64]]
 """Flags and scores of all samples, each of shape (n,); a score is NaN where there is none."""
 
+NORMAL = 1.4826
+"""A median absolute deviation times this is the standard deviation of normal data."""
+
+
+def rounding_of(y: NDArray[np.float64]) -> float:
+    """Size of the rounding of some numbers: no spread of theirs is smaller."""
+    return float(np.finfo(float).eps * np.abs(y).max())
+
 
 @dataclass(frozen=True)
 class Evidence:
     """The samples collected so far, in order; every array has one entry a sample.
+
+    Where the sensor has said nothing, there is none.
 
     Attributes
     ----------

@@ -4,10 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.detect.evidence import Evidence, Judgement
-
-NORMAL = 1.4826
-"""A median absolute deviation times this is the standard deviation of normal data."""
+from infoplan.detect.evidence import NORMAL, Evidence, Judgement, rounding_of
 
 
 def local(
@@ -50,8 +47,9 @@ def local(
     around = samples.measured[nearest]
     middle = np.median(around, axis=1)
     spread = NORMAL * np.median(np.abs(around - middle[:, None]), axis=1)
-    rounding = np.finfo(float).eps * np.abs(samples.measured).max()
     flagged, score = np.zeros(len(samples), dtype=bool), np.full(len(samples), np.nan)
-    score[judged] = np.abs(samples.measured[judged] - middle) / np.maximum(spread, rounding)
+    score[judged] = np.abs(samples.measured[judged] - middle) / np.maximum(
+        spread, rounding_of(samples.measured)
+    )
     flagged[judged] = score[judged] > threshold
     return flagged, score

@@ -27,6 +27,8 @@ class Sensed:
         When, in samples since the mission's start; the pilot's count.
     epoch
         Decision epoch of the batch, 0 for the pilot.
+    lowest, highest
+        Of the true elevations at the nodes of the query grid, terrain's unit.
     """
 
     x: Floats
@@ -35,9 +37,16 @@ class Sensed:
     measured: Floats
     time: Floats
     epoch: int
+    lowest: float
+    highest: float
 
     def __len__(self) -> int:
         return len(self.measured)
+
+    @property
+    def range(self) -> float:
+        """Range of the terrain's elevations, terrain's unit: sizes of faults are told in it."""
+        return self.highest - self.lowest
 
 
 @dataclass(frozen=True)
@@ -57,3 +66,8 @@ class Corrupted:
     measured: Floats
     is_outlier: NDArray[np.bool_]
     state: Any = None
+
+
+def corrupted(sensed: Sensed, said: Floats, state: Any = None) -> Corrupted:
+    """Call an outlier whatever is not what the sound sensor said, NaN included."""
+    return Corrupted(said, said != sensed.measured, state)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from infoplan.fault.sensed import Corrupted, Sensed
+from infoplan.fault.spread import signed
 
 
 def spike(
@@ -52,8 +53,6 @@ def spike(
         number = round(rho * n) if count == "round" else int(rho * n + 1e-9)
         is_outlier = np.zeros(n, dtype=bool)
         is_outlier[rng.choice(n, size=number, replace=False)] = True
-    with np.errstate(over="ignore", invalid="ignore"):  # told by the belief
-        low, high = np.quantile(measured, quantiles)
-        scale = rng.uniform(amplitude[0], amplitude[1], size=n) * rng.choice([-1.0, 1.0], size=n)
-        spiky = measured + scale * (high - low)
+    low, high = np.quantile(measured, quantiles)
+    spiky = measured + signed(amplitude, n, rng) * (high - low)
     return Corrupted(np.where(is_outlier, spiky, measured), is_outlier)

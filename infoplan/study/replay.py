@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.config import Config, MissionConfig
+from infoplan.config import Config, MissionConfig, SpikeConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.study.executor import carry_out
 from infoplan.study.identity import Run, identify, run_name
@@ -75,14 +75,19 @@ def identify_replay(source: FlownRun, config: MissionConfig) -> Run:
     terrain = Terrain(
         stored["name"], unknown, tuple(stored["extent"]), stored["unit"], stored["sha256"]
     )
-    # Whatever has become of a planner of the user's own: its trajectory is the stored one.
-    run = identify(
-        replace(config, terrain=MissionConfig().terrain, planner=stand_in(config)), terrain
-    )
+    # Whatever has become of a planner or fault of the user's own: what it did is stored.
+    resolvable = replace(config, terrain=MissionConfig().terrain, planner=stand_in(config),
+                         fault=SpikeConfig())  # fmt: skip
+    run = identify(resolvable, terrain)
     kept = {"terrain": stored, "replay": source.science.get("replay", source.name)}
     planner = {**source.science["planner"], "smoothing": config.planner.smoothing}
     science = {**run.science, "planner": planner, **kept}
-    resolved = replace(run.config, terrain=source.config.terrain, planner=config.planner)
+    if "fault" in source.science:
+        del science["outliers"]
+        science["fault"] = source.science["fault"]
+    resolved = replace(
+        run.config, terrain=source.config.terrain, planner=config.planner, fault=config.fault
+    )
     return Run(run_name(science), resolved, terrain, science)
 
 

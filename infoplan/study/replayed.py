@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from infoplan.config import MissionConfig, TreeSearchConfig
+from infoplan.config import MissionConfig, SpikeConfig, TreeSearchConfig
 from infoplan.extent import checked_extent
 from infoplan.mission import explore
 from infoplan.samples import Samples
@@ -38,8 +38,9 @@ def explore_again(
     """
     truth = maps["truth"].to_numpy(dtype=np.float64)
     source = StoredSource(stored_samples(samples), checked_extent(config.terrain.extent), truth)
-    # A planner of the user's own need not be there any more.
-    return explore(replace(config, planner=stand_in(config), budget=len(samples)), source, seed)
+    # A planner or fault of the user's own need not be there any more.
+    flown = replace(config, planner=stand_in(config), fault=SpikeConfig(), budget=len(samples))
+    return explore(flown, source, seed)
 
 
 def stored_samples(table: pd.DataFrame) -> Samples:

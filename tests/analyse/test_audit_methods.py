@@ -33,12 +33,13 @@ def store(config, terrain, folder, **groups):
     return run.name
 
 
-def touch(folder, table, name, column, change):
-    """Change the last value that there is in a column."""
+def touch(folder, table, name, column, change, among=None):
+    """Change the last value that there is in a column, where another is true."""
     path = table_path(folder, table, name, 2)
     footer = json.loads(pq.read_schema(path).metadata[b"infoplan"])
     frame = pd.read_parquet(path, partitioning=None)
-    row = frame[column].last_valid_index()
+    chosen = frame[column].where(frame[among]) if among else frame[column]
+    row = chosen.last_valid_index()
     frame.loc[row, column] = change(frame.loc[row, column])
     texts = [key for key in frame if frame[key].dtype.kind not in "bif"]
     columns = {key: pa.array(frame[key].to_numpy()) for key in frame if key not in texts}
@@ -60,6 +61,8 @@ DETECTORS = {
     "residual, historical": ("gp_residual", {"threshold": 2.0, "scope": "historical"}),
     "local": ("local", {"threshold": 2.0}),
     "local, historical": ("local", {"neighbours": 5, "scope": "historical"}),
+    "hampel": ("hampel", {"threshold": 2.0}),
+    "qartod, historical": ("qartod", {"spike": 3.0, "scope": "historical"}),
 }
 
 
@@ -100,3 +103,65 @@ def test_what_cannot_be_repeated_is_passed_over(small, volcano, tmp_path):
     assert {"flags", "confusion", "actions", "final model", "outlier density"} <= checks
     touch(tmp_path, "samples", name, "used", lambda used: not used)
     assert failing(tmp_path, name) >= {"flags"}
+
+
+FAULTS = {
+    "max_range": {},
+    "uniform": {},
+    "burst": {},
+    "stuck": {"length": 4.0},
+    "bias": {"length": 6.0},
+    "drift": {"length": 6.0},
+    "heavy_tail": {},
+    "local": {"regions": [0.0, 25.0, 0.0, 50.0]},
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_checked(small, volcano, tmp_path, fault):
+    small.pilot = replace(small.pilot, outliers=True)  # more samples to judge by
+    name = store(small, volcano, tmp_path, fault=(fault, FAULTS[fault]))
+    findings = audit_mission(tmp_path, name, 2)
+    assert not [finding for finding in findings if not finding.holds]
+    told = {finding.check: finding for finding in findings}
+    assert told["outlier share"].detail.endswith(fault)
+    assert told["outlier errors"].detail.endswith(f"outliers as of {fault}")
+    assert not told["outlier errors"].omitted
+    assert "spike size" not in told
+
+    path = table_path(tmp_path, "samples", name, 2)
+    honest = path.read_bytes()
+    if fault != "heavy_tail":  # of which any one value is possible
+        touch(tmp_path, "samples", name, "measured", lambda said: said + 1e4, "is_outlier")
+        assert "outlier errors" in quickly_failing(tmp_path, name)
+        path.write_bytes(honest)
+    if fault in ("uniform", "heavy_tail"):
+        spoil(path, "measured", lambda frame: frame["truth"].mean() + 2e3 * frame["is_outlier"])
+        assert quickly_failing(tmp_path, name)["outlier errors"].endswith("are not as drawn")
+        path.write_bytes(honest)
+    spoil(path, "is_outlier", lambda frame: frame["epoch"] >= 0)
+    assert "outlier share" in quickly_failing(tmp_path, name)
+
+
+def quickly_failing(folder, name):
+    """Do as `failing`, the models of epochs before the last apart."""
+    found = audit_mission(folder, name, 2, epochs=[0])
+    return {finding.check: finding.detail for finding in found if not finding.holds}
+
+
+def spoil(path, column, change):
+    """Write other numbers into a column of a table, its digests right."""
+    footer = json.loads(pq.read_schema(path).metadata[b"infoplan"])
+    frame = pd.read_parquet(path, partitioning=None)
+    frame[column] = change(frame)
+    touched = pa.table({key: pa.array(frame[key].to_numpy()) for key in frame})
+    text = sealed(footer | {"values_sha256": values_digest(touched)})
+    pq.write_table(touched.replace_schema_metadata({b"infoplan": text}), path)
+
+
+def test_a_clean_pilot_has_no_outliers(small, volcano, tmp_path):
+    name = store(small, volcano, tmp_path, fault=("stuck", {}))
+    path = table_path(tmp_path, "samples", name, 2)
+    spoil(path, "is_outlier", lambda frame: frame["epoch"] >= 0)
+    told = quickly_failing(tmp_path, name)["outlier share"]
+    assert told.startswith("sample 0 (epoch 0) is an outlier, but the pilot has none")

@@ -42,6 +42,28 @@ MISSIONS = {
     "random-spiky-pilot": ["planner=random", "detector=none", "pilot.outliers=true"],
     "random-bernoulli": ["planner=random", "detector=none", "outliers.count=bernoulli"],
     "random-floor": ["planner=random", "detector=none", "outliers.count=floor"],
+    "random-max-range": ["planner=random", "detector=none", "fault=max_range"],
+    "random-uniform": ["planner=random", "detector=none", "fault=uniform"],
+    "random-burst": ["planner=random", "detector=none", "fault=burst"],
+    "random-stuck": ["planner=random", "detector=none", "fault=stuck"],
+    "random-bias": ["planner=random", "detector=none", "fault=bias"],
+    "random-drift-from-the-start": [
+        "planner=random", "detector=none", "fault=drift", "pilot.outliers=true",
+    ],
+    "random-heavy-tail": ["planner=random", "detector=none", "fault=heavy_tail"],
+    "random-local": ["planner=random", "detector=none", "fault=local"],
+    "random-mixed": ["planner=random", "detector=none", "fault=mixed"],
+    "random-dropout-from-the-start": [
+        "planner=random", "detector=local", "fault=dropout", "pilot.outliers=true",
+    ],
+    "random-hampel": ["planner=random", "detector=hampel"],
+    "random-hampel-historical": [
+        "planner=random", "detector=hampel", "detector.scope=historical",
+    ],
+    "random-qartod": ["planner=random", "detector=qartod", "fault=stuck"],
+    "random-qartod-historical": [
+        "planner=random", "detector=qartod", "detector.scope=historical",
+    ],
     "random-field": ["planner=random", "detector=none", "terrain=random_field", "terrain.seed=3"],
     "random-jacksboro": ["planner=random", "detector=none", "terrain=jacksboro"],
 }  # fmt: skip

@@ -11,6 +11,7 @@ from infoplan.analyse.audit.stored import (
     Booleans,
     FaultError,
     Floats,
+    Integers,
     Partial,
     StoredMission,
     demand,
@@ -43,13 +44,13 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     if _unrepeatable(mission):
         return _stored_judgements(mission)
     historical = mission.option("detector.scope") == "historical"
-    scores, flags = np.full(mission.n_pilot, np.nan), np.zeros(mission.n_pilot, dtype=bool)
+    scores, flags = np.full(mission.n_pilot, np.nan), ~mission.told[: mission.n_pilot]
     judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
     for e in range(1, len(mission.curves)):
         n = int(np.sum(mission.epoch <= e))
         kept = 0 if historical else len(scores)
         accepted = np.append(~flags[:kept], np.ones(n - kept, dtype=bool))
-        new_scores, new_flags = _judge(mission, e, accepted, np.arange(n) >= kept)
+        new_scores, new_flags = _judge_told(mission, e, accepted, np.arange(n) >= kept)
         scores = np.concatenate([scores[:kept], new_scores[kept:]])
         flags = np.concatenate([flags[:kept], new_flags[kept:]])
         judgements.append((scores, flags))
@@ -80,13 +81,28 @@ def _is_tame(mission: StoredMission) -> bool:
     )
 
 
-def _judge(
+def _judge_told(
     mission: StoredMission, epoch: int, candidates: Booleans, judged: Booleans
 ) -> tuple[Floats, Booleans]:
-    """Judge the samples collected by the end of an epoch.
+    """Do as `_judge`, where samples without a measurement are flagged unseen."""
+    told = mission.told[: len(judged)]
+    scores, flags = np.full(len(judged), np.nan), ~told
+    if judged[told].any():
+        scores[told], flags[told] = _judge(
+            mission, np.flatnonzero(told), epoch, candidates[told], judged[told]
+        )
+    return scores, flags
+
+
+def _judge(
+    mission: StoredMission, samples: Integers, epoch: int, candidates: Booleans, judged: Booleans
+) -> tuple[Floats, Booleans]:
+    """Judge samples collected by the end of an epoch.
 
     Parameters
     ----------
+    samples
+        Their numbers, shape (n,).
     epoch
         Which.
     candidates
@@ -99,20 +115,34 @@ def _judge(
     scores, flags : ndarrays, shape (n,)
     """
     n, name = len(judged), str(mission.option("detector.name"))
-    measured = mission.samples["measured"].to_numpy()[:n]
+    measured = mission.samples["measured"].to_numpy()[samples]
     if name == "copod":
         return _copod(mission, measured)
     if name == "local":
         scores = repeat.local_scores(
-            mission.x[:n], measured, candidates, judged, int(mission.option("detector.neighbours"))
+            mission.x[samples],
+            measured,
+            candidates,
+            judged,
+            int(mission.option("detector.neighbours")),
         )
         return scores, scores > float(mission.option("detector.threshold"))
+    if name == "hampel":
+        scores = repeat.hampel_scores(measured, judged, int(mission.option("detector.reach")))
+        return scores, scores > float(mission.option("detector.threshold"))
+    if name == "qartod":
+        limits = {
+            limit: mission.option(f"detector.{limit}")
+            for limit in ("gross_range", "spike", "rate", "flat", "tolerance")
+        }
+        scores = repeat.qartod_scores(measured, judged, **limits)
+        return scores, scores > 1.0
     if name == "gp_residual":
         x, y = scaled_samples(mission)
         state = mission.curves.iloc[epoch - 1]  # the model has not seen the batch
         noise = state["noise_std"] ** 2 * noise_factor(mission) + state["jitter"]
         return repeat.gp_residuals(
-            x[:n], y[:n], reference_kernel(mission, state), noise, candidates, judged,
+            x[samples], y[samples], reference_kernel(mission, state), noise, candidates, judged,
             float(mission.option("detector.threshold")),
             bool(mission.option("detector.one_by_one")),
         )  # fmt: skip
@@ -120,13 +150,13 @@ def _judge(
         columns = {"x1": "x1", "x2": "x2", "y": "measured"}
         features = [columns[feature] for feature in mission.option("detector.features")]
         return repeat.pyod_judgement(
-            mission.samples[features].to_numpy()[:n],
+            mission.samples[features].to_numpy()[samples],
             str(mission.option("detector.model")),
             float(mission.option("detector.contamination")),
             mission.option("detector.params"),
             np.random.SeedSequence(mission.seed, spawn_key=(4, epoch)),
         )
-    outlier = mission.samples["is_outlier"].to_numpy()[:n]
+    outlier = mission.samples["is_outlier"].to_numpy()[samples]
     return np.full(n, np.nan), outlier if name == "best" else np.zeros(n, dtype=bool)
 
 
@@ -138,7 +168,7 @@ def _stored_judgements(mission: StoredMission) -> list[tuple[Floats, Booleans] |
     for e in range(last + 1):
         n = int(np.sum(mission.epoch <= e))
         known = e in (0, last) or mission.option("detector.scope") == "batch"
-        nothing = (np.full(n, np.nan), np.zeros(n, dtype=bool))
+        nothing = (np.full(n, np.nan), ~mission.told[:n])
         judgements.append((nothing if e == 0 else (scores[:n], flags[:n])) if known else None)
     return judgements
 

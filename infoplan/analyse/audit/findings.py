@@ -15,6 +15,7 @@ from infoplan.analyse.audit.detector import (
     check_scores,
     replay_detector,
 )
+from infoplan.analyse.audit.fault import check_errors, check_share
 from infoplan.analyse.audit.model import (
     check_earlier_models,
     check_final_model,
@@ -75,6 +76,8 @@ CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
     "spike count": check_spike_count,
     "spike size": check_spike_size,
     "spike draws": check_spike_draws,
+    "outlier share": check_share,
+    "outlier errors": check_errors,
     "scores": check_scores,
     "flags": check_flags,
     "confusion": check_confusion,
@@ -85,6 +88,11 @@ CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
     "earlier models": check_earlier_models,
 }
 """Checks by name, in order."""
+
+SPIKE = "spike"
+SPIKES_ONLY = ("spike count", "spike size", "spike draws")
+NEVER_SPIKES = ("outlier share", "outlier errors")
+"""Checks that not every fault is put to."""
 
 
 @dataclass(frozen=True)
@@ -210,6 +218,10 @@ def audit_mission(
     for name, check in CHECKS.items():
         holds, omitted = True, ""
         try:
+            if name in SPIKES_ONLY and mission.option("fault.name") != SPIKE:
+                continue
+            if name in NEVER_SPIKES and mission.option("fault.name") == SPIKE:
+                continue
             with np.errstate(all="ignore"):  # a check that fails says so itself
                 told = check(mission)
             detail, omitted = (told, "") if isinstance(told, str) else (told.detail, told.omitted)

@@ -125,12 +125,15 @@ def _fit_student_t(
 def _elevation_scaler(mission: StoredMission) -> tuple[float, float]:
     """Mean and deviation of the pilot's measurements."""
     pilot = mission.samples["measured"].to_numpy()[: mission.n_pilot]
+    pilot = pilot[mission.told[: mission.n_pilot]]
+    if not len(pilot):
+        raise FaultError("no sample of the pilot has a measurement")
     return float(pilot.mean()), float(pilot.std())
 
 
 def _scaled(mission: StoredMission, places: pd.DataFrame) -> Floats:
     """Positions in units of the pilot's bounding box, shape (n, 2)."""
-    pilot = mission.x[: mission.n_pilot]
+    pilot = mission.x[: mission.n_pilot][mission.told[: mission.n_pilot]]
     low, high = pilot.min(axis=0), pilot.max(axis=0)
     scaled: Floats = 2.0 * (places[["x1", "x2"]].to_numpy() - low) / (high - low) - 1.0
     return scaled
@@ -178,8 +181,7 @@ def _compare_row(mission: StoredMission, row: int, used: Booleans) -> tuple[Floa
     fit = _fit_student_t if mission.option("model.name") == "student_t" else _fit
     mean, std, lml = fit(mission, row, used)
     precision = _precision(mission)
-    measured = mission.samples["measured"].to_numpy()
-    tolerance = precision * float(measured[: mission.n_pilot].std())
+    tolerance = precision * _elevation_scaler(mission)[1]
     recorded = float(mission.curves["lml"][row])
     if not abs(recorded - lml) <= precision * max(abs(lml), float(np.sum(used))):
         raise FaultError(f"epoch {row} has lml {recorded:.8g}, recomputed {lml:.8g}")

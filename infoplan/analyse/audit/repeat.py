@@ -58,6 +58,49 @@ def local_scores(
     return scores
 
 
+def hampel_scores(measured: Floats, judged: Booleans, reach: int) -> Floats:
+    """Compare samples with the median of those before and after them; NaN where not judged."""
+    scores = np.full(len(measured), np.nan)
+    smallest = np.finfo(float).eps * np.abs(measured).max()
+    for i in np.flatnonzero(judged):
+        near = measured[max(i - reach, 0) : i + reach + 1]
+        spread = 1.4826 * stats.median_abs_deviation(near)
+        scores[i] = abs(measured[i] - np.median(near)) / max(spread, smallest)
+    return scores
+
+
+def qartod_scores(
+    measured: Floats,
+    judged: Booleans,
+    gross_range: float | None,
+    spike: float | None,
+    rate: float | None,
+    flat: int | None,
+    tolerance: float,
+) -> Floats:
+    """Take the largest share of what four tests allow, sample by sample; NaN where not judged."""
+    y, n = measured, len(measured)
+    smallest = np.finfo(float).eps * np.abs(y).max()
+    middles = [abs(y[i] - (y[i - 1] + y[i + 1]) / 2) for i in range(1, n - 1)]
+    away, steps = np.abs(y - np.median(y)), np.abs(np.diff(y))
+    scores = np.full(n, np.nan)
+    for i in np.flatnonzero(judged):
+        shares = [0.0]
+        if gross_range is not None:
+            shares.append(away[i] / max(gross_range * 1.4826 * np.median(away), smallest))
+        if spike is not None and 0 < i < n - 1:
+            shares.append(middles[i - 1] / max(spike * np.median(middles), smallest))
+        if rate is not None and i:
+            shares.append(steps[i - 1] / max(rate * np.median(steps), smallest))
+        if flat is not None:
+            same = 0
+            while same <= flat and i > same and np.ptp(y[i - same - 1 : i + 1]) <= tolerance:
+                same += 1
+            shares.append(same / flat)
+        scores[i] = max(shares)
+    return scores
+
+
 def gp_residuals(
     x: Floats,
     y: Floats,

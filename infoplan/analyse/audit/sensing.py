@@ -1,7 +1,4 @@
-"""Checks of what the sensor said: truth, noise, number and size of the spikes.
-
-Spikes alone are described here once more; what another fault does is told as not recomputed.
-"""
+"""Checks of what the sensor said: truth, noise, number and size of the spikes."""
 
 import math
 
@@ -71,13 +68,7 @@ def _spiked_epochs(mission: StoredMission) -> range:
     return range(0 if mission.option("pilot.outliers") else 1, len(mission.curves))
 
 
-def _another_fault(mission: StoredMission) -> Partial | None:
-    """Tell that the sensor had another fault than spikes, if it had."""
-    name = mission.option("fault.name")
-    return None if name == "spike" else Partial("", f"the fault {name}")
-
-
-def check_spike_count(mission: StoredMission) -> str | Partial:
+def check_spike_count(mission: StoredMission) -> str:
     """Check that as many samples of each batch are spikes as rho and the rule of counting say."""
     spiked = mission.samples["is_outlier"].to_numpy()
     if not mission.option("pilot.outliers"):
@@ -85,8 +76,6 @@ def check_spike_count(mission: StoredMission) -> str | Partial:
             ~spiked[mission.epoch == 0],
             lambda i: f"{mission.place(i)} is an outlier, but the pilot has none",
         )
-    if another := _another_fault(mission):
-        return another
     rho, rule = float(mission.option("rho")), mission.option("fault.count")
     sizes = {e: int(np.sum(mission.epoch == e)) for e in _spiked_epochs(mission)}
     for e, n in sizes.items():
@@ -140,10 +129,8 @@ def _spikes(mission: StoredMission) -> pd.DataFrame:
     ).astype({"sample": np.int64})
 
 
-def check_spike_size(mission: StoredMission) -> str | Partial:
+def check_spike_size(mission: StoredMission) -> str:
     """Check that each spike is as high as an amplitude within its bounds makes it."""
-    if another := _another_fault(mission):
-        return another
     smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
     reach = SIGMAS * float(mission.option("sensor.noise_std")) + mission.elevation_tolerance
     spikes = _spikes(mission)
@@ -162,10 +149,8 @@ def check_spike_size(mission: StoredMission) -> str | Partial:
     return f"{len(spikes)} spikes from {size.min():.4g} to {size.max():.4g}"
 
 
-def check_spike_draws(mission: StoredMission) -> str | Partial:
+def check_spike_draws(mission: StoredMission) -> str:
     """Check that amplitudes are uniform, signs and places in the batch even."""
-    if another := _another_fault(mission):
-        return another
     smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
     reach = SIGMAS * float(mission.option("sensor.noise_std"))
     spikes = _spikes(mission)

@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 Booleans = NDArray[np.bool_]
 
+Integers = NDArray[np.int64]
+
 CHANCE = 1e-6
 """How rarely an honest mission may fail a test of randomness."""
 
@@ -105,6 +107,11 @@ class StoredMission:
     def x(self) -> Floats:
         """Positions of the samples, shape (n, 2)."""
         return self.samples[["x1", "x2"]].to_numpy(dtype=np.float64)
+
+    @cached_property
+    def told(self) -> Booleans:
+        """Whether the sensor has said anything, shape (n,)."""
+        return self.samples["measured"].notna().to_numpy()
 
     @cached_property
     def n_pilot(self) -> int:

@@ -22,6 +22,10 @@ CLOCK_SECONDS, CLOCK_SHARE = 1.0, 0.01
 """What a clock that is set right meanwhile may explain, of a duration by two clocks."""
 
 
+SILENT = ("dropout", "mixed")
+"""Faults, besides the user's own, under which an outlier may have no measurement, NaN."""
+
+
 def check_digests(mission: StoredMission) -> str | Partial:
     """Check that the files hold the values and footers that were written, all of one mission."""
     for name, footer in mission.footers.items():
@@ -83,7 +87,7 @@ def check_bounds(mission: StoredMission) -> str:
 
 
 def check_values(mission: StoredMission) -> str:
-    """Check that every number is finite, but for scores that were never given, and possible."""
+    """Check that every number is finite, but for what was never given, and possible."""
     count = 0
     for name, table in mission.tables.items():
         for column in TABLES[name].columns.values():
@@ -92,9 +96,17 @@ def check_values(mission: StoredMission) -> str:
             if column.told_by and mission.is_own(column.told_by):
                 continue
             if _is_told(table, column):
-                _demand_possible(f"{name}.{column.name}", table[column.name].to_numpy(), column)
+                values = table[column.name].to_numpy()
+                if column.name == "measured" and _may_be_silent(mission):
+                    values = values[mission.told | ~mission.samples["is_outlier"].to_numpy()]
+                _demand_possible(f"{name}.{column.name}", values, column)
                 count += len(table) * (column.kind == "double")
     return f"{count} numbers are finite"
+
+
+def _may_be_silent(mission: StoredMission) -> bool:
+    """Tell whether an outlier of a mission may have no measurement."""
+    return mission.option("fault.name") in SILENT or mission.is_own("fault")
 
 
 def _is_told(table: pd.DataFrame, column: Column) -> bool:
