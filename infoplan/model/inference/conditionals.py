@@ -116,8 +116,7 @@ def conditionals_of(kernel: Kernel) -> Conditionals:
         residuals: np.ndarray,
         factor: np.ndarray,
     ) -> int:
-        """Write positions, data and covariance of what is given and the block; returns how many
-        are given."""
+        """Write positions, data, covariance of those given and the block; return how many are."""
         count = 0
         for number in given:
             if number >= 0:

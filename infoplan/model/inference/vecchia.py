@@ -141,7 +141,7 @@ class VecchiaInference:
         theta : ndarray of shape (k,)
             Log hyperparameters.
         """
-        return self._evaluate(theta, with_gradient=False)[0]
+        return self._evaluate(theta, with_gradient=False)[0] if self.n_data else 0.0
 
     def lml_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
         """Log marginal likelihood and its gradient.
@@ -183,7 +183,7 @@ class VecchiaInference:
         """
         variance, constants, _ = parameters_of(self._kernel, theta)
         means, variances = np.zeros(x.shape[1]), np.full(x.shape[1], variance)
-        for places, near in self._grouped(x) if self.n_data else []:
+        for places, near in self._grouped(x) if self.n_data and x.size else []:
             inside, around = np.ascontiguousarray(x[:, places]), self._x[:, near]
             rows = np.empty((len(places) + 1, len(near)), dtype=self._scratch.dtype)
             self._passes.fill_cross(inside, around, constants, variance, rows[:-1])
@@ -230,13 +230,15 @@ class VecchiaInference:
         """Log density, and the sums that its gradient is made of."""
 
         def attempt() -> tuple[float, Sums, float] | None:
-            done, *found = self._conditionals.likelihood(*self._data(theta), with_gradient)
-            return tuple(found) if done else None
+            done, value, sums, trace = self._conditionals.likelihood(
+                *self._data(theta), with_gradient
+            )
+            return (value, sums, trace) if done else None
 
         return self._until_positive(theta, attempt)
 
     def _data(self, theta: np.ndarray) -> tuple[Any, ...]:
-        """What both compiled passes are given first."""
+        """Gather what both compiled passes are given first."""
         variance, constants, noise = parameters_of(self._kernel, theta)
         blocks = self.blocks
         return (
@@ -273,7 +275,7 @@ class VecchiaInference:
         self.blocks = build(self._x / self._units, self._ordering, self._block, self._neighbours)
 
     def _grouped(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Groups of places that lie together, and the data nearest to each."""
+        """List groups of places that lie together, and the data nearest to each."""
         if not np.array_equal(x, self._places):
             self._places, self._groups = x.copy(), cut(x, _GROUP)
         starts = np.cumsum([0, *map(len, self._groups)])
