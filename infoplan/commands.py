@@ -14,23 +14,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from infoplan.command_line import (
-    GIVEN,
-    Command,
-    Function,
-    Group,
-    Number,
-    Text,
-    UserPath,
-    hydra_flag,
-    page_width,
-    setting,
-)
+from infoplan.command_line.command import Command, Group
+from infoplan.command_line.pages import page_width
+from infoplan.command_line.settings import GIVEN, Function, hydra_flag, setting
+from infoplan.command_line.types import Number, Text, UserPath
 from infoplan.errors import UsageError
 
 if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
-    from infoplan.command_line import More
+    from infoplan.command_line.settings import More
 
 FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
 
@@ -168,7 +160,7 @@ def infoplan() -> None:
     """Hold the commands."""
 
 
-def study_command(name: str, **attributes: Any) -> Callable[[Function], click.Command]:
+def command_on_runs(name: str, **attributes: Any) -> Callable[[Function], click.Command]:
     """Declare a command about stored runs, which any option of a run chooses."""
 
     def declare(function: Function) -> click.Command:
@@ -258,7 +250,7 @@ def status(
     return status(results_dir, study, run, as_json)
 
 
-@study_command(
+@command_on_runs(
     "figures",
     help="Draw the paper's figures from stored results.",
     examples=["infoplan figures fig5 fig7 seed=1"],
@@ -291,7 +283,7 @@ def figures(
     return EXIT_FAILED if any(one.problem for one in drawn) else EXIT_OK
 
 
-@study_command(
+@command_on_runs(
     "claims",
     help="Judge the paper's claims by stored results.",
     examples=["infoplan claims terrain=helens --markdown"],
@@ -324,7 +316,7 @@ def claims(
     return EXIT_OK
 
 
-@study_command(
+@command_on_runs(
     "report",
     help="Write curves, claims and maps as one HTML page.",
     examples=["infoplan report terrain=volcano"],

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import click
 from click.shell_completion import CompletionItem, ShellComplete
 
-from infoplan.command_line import OPEN
+from infoplan.command_line.types import OPEN
 from infoplan.errors import UsageError
 from infoplan.wording import harmless, suggest
 
@@ -66,7 +66,7 @@ OFF = {
 
 
 @dataclass
-class Line:
+class TypedLine:
     """A command line up to the cursor, read as a shell does.
 
     Attributes
@@ -87,7 +87,7 @@ class Line:
     quote: str = ""
 
 
-def read_line(text: str, breaks: str = "") -> Line:
+def read_line(text: str, breaks: str = "") -> TypedLine:
     """Read a line up to the cursor; after ``;``, ``|`` or ``&`` a new command begins.
 
     Parameters
@@ -97,7 +97,7 @@ def read_line(text: str, breaks: str = "") -> Line:
     breaks
         Characters after which the shell begins a new word of its own.
     """
-    line, within, escaped = Line([]), False, False
+    line, within, escaped = TypedLine([]), False, False
     for character in text:
         if escaped:
             line.last += character

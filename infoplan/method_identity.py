@@ -1,13 +1,14 @@
 """Who a method is: its name for people, and how it is drawn.
 
-A method is a planner, a detector and a model; the fault that it has to stand is told with it.
-Everything that shows methods, in words or lines, takes their names and looks from here, and never
-reads them back out of a name.
+A method is a planner, a detector with its scope, and a model; the fault that it has to stand is
+told with it, unless that is a condition under which methods are compared. Everything that shows
+methods, in words or lines, takes their names and looks from here, and never reads them back out of
+a name.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count, product
 from typing import Any
 
@@ -49,7 +50,7 @@ class Choice:
         return self.function if mistaken else self.name.upper()
 
 
-GP, SPIKE = Choice("model", "gp"), Choice("fault", "spike")
+GP, SPIKE, BATCH = Choice("model", "gp"), Choice("fault", "spike"), "batch"
 """The paper's, which labels do not tell."""
 
 
@@ -63,6 +64,9 @@ class Method:
         The choices.
     replayed
         The planner has not planned: a flown run's samples were judged and fitted anew.
+    scope
+        What the detector judges, ``batch`` or ``historical``; no part of the label, because most
+        drawings have a panel for each.
     """
 
     planner: Choice
@@ -70,6 +74,7 @@ class Method:
     model: Choice
     replayed: bool = False
     fault: Choice = SPIKE
+    scope: str = BATCH
 
     @property
     def label(self) -> str:
@@ -80,6 +85,11 @@ class Method:
     def full_label(self) -> str:
         """Its name with the dotted paths of the user's functions."""
         return "-".join(self._parts(choice.function or choice.word for choice in self.choices))
+
+    @property
+    def faultless(self) -> "Method":
+        """The same where the fault is told beside it."""
+        return replace(self, fault=SPIKE)
 
     @property
     def choices(self) -> tuple[Choice, ...]:
@@ -144,14 +154,29 @@ def method_of(options: Mapping[str, Any]) -> Method:
         Choice(group, str(options[f"{group}.name"]), str(options.get(f"{group}.function") or ""))
         for group in METHODS
     )
-    return Method(planner, detector, model, replayed=REPLAY in options, fault=fault)
+    scope = str(options["detector.scope"])
+    return Method(planner, detector, model, REPLAY in options, fault, scope)
 
 
-def labels(methods: Iterable[Method]) -> dict[Method, str]:
-    """Name some methods, different ones differently."""
+def labels(methods: Iterable[Method], *, with_scope: bool = False) -> dict[Method, str]:
+    """Name some methods, different ones differently.
+
+    Parameters
+    ----------
+    methods
+        In any order.
+    with_scope
+        Whether the label tells a scope other than batch: ``UCT-COPOD historical``.
+    """
     distinct = list(dict.fromkeys(methods))
-    met = Counter(method.label for method in distinct)
-    return {one: harmless(one.label if met[one.label] == 1 else one.full_label) for one in distinct}
+    met = Counter(label for label, _ in {(one.label, one.full_label) for one in distinct})
+    return {
+        one: harmless(
+            (one.label if met[one.label] == 1 else one.full_label)
+            + (f" {one.scope}" if with_scope and one.scope != BATCH else "")
+        )
+        for one in distinct
+    }
 
 
 def looks(names: Iterable[str]) -> dict[str, Look]:

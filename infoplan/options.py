@@ -133,7 +133,7 @@ def allowed(metadata: dict[str, Any]) -> str:
 def plain_number(value: float) -> str:
     """Write a number shortly, but so that it is that very number when it is read again."""
     short = f"{value:g}"
-    return short if float(short) == value else repr(value)
+    return short if float(short) == value else repr(float(value))
 
 
 def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:

@@ -10,7 +10,8 @@ import click
 import yaml
 from click.shell_completion import CompletionItem
 
-from infoplan.command_line import More, Setting, path_items, written
+from infoplan.command_line.settings import More, Setting
+from infoplan.command_line.types import path_items, written
 from infoplan.config import (
     GROUPS,
     REPLAY_GROUPS,
@@ -208,9 +209,9 @@ def hydra_words(incomplete: str) -> list[str]:
     """Complete Hydra's own options: ``hydra/launcher=`` and the like."""
     if not incomplete.startswith("hydra"):
         return []
-    from infoplan.hydra_front.front import complete
+    from infoplan.hydra_front.front import complete_word
 
-    return complete(incomplete)
+    return complete_word(incomplete)
 
 
 def terrain_settings(given: Mapping[str, Any]) -> list[Setting]:

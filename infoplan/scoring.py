@@ -1,6 +1,8 @@
 """What a belief is worth: its predictions against the truth, its verdicts against the labels."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from infoplan.belief import Belief, number_of
 from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.samples import Batch, Samples
+from infoplan.tables import TABLES
 
 Floats = NDArray[np.float64]
 
@@ -20,7 +23,8 @@ class CurveRow:
 
     Errors and scores compare the noise-free truth on the query grid with the model's latent mean
     and standard deviation, and are NaN where the terrain is unknown; hyperparameters are in scaled
-    units, elevations in the terrain's. What the model has not (one of the user's) is NaN.
+    units, elevations in the terrain's. What the model has not (one of the user's) is NaN. `further`
+    holds, by name, what else the kernel has learned: a column each.
     """
 
     epoch: int
@@ -44,6 +48,7 @@ class CurveRow:
     fit_seconds: float
     predict_seconds: float
     detect_seconds: float
+    further: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -123,6 +128,7 @@ def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
         fit_seconds=belief.seconds["fit"],
         predict_seconds=belief.seconds["predict"],
         detect_seconds=belief.seconds["detect"],
+        further=_further(learned),
     )
     density = belief.outlier_density().ravel()
     return State(row, samples, Maps(belief.nodes, grid_truth, belief.mean, belief.std, density))
@@ -137,6 +143,14 @@ def count_confusion(judged: Samples) -> dict[str, int]:
         "fn": int(np.sum(~flagged & outlier)),
         "tn": int(np.sum(~flagged & ~outlier)),
     }
+
+
+def _further(learned: Any) -> dict[str, float]:
+    """Hyperparameters that no column of `TABLES` holds, by name."""
+    told = vars(learned) if isinstance(learned, SimpleNamespace) else {}
+    known = {"run", *TABLES["curves"].columns}
+    return {name: value for name, value in told.items()
+            if name not in known and isinstance(value, float)}  # fmt: skip
 
 
 def _errors(belief: Belief, truth: Floats) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 Columns and tables are added, never moved or given another meaning: older results stay readable.
 What `FIRST` wrote is in every file; a column of later may be missing, and reads as null; a table
-of later may be missing; a column of a version to come is read as it is.
+of later may be missing; a column of a version to come is read as it is. Curves have besides a
+column for each hyperparameter of the kernel that has none here, under the name that the kernel
+gives it, in scaled units.
 """
 
 import math
@@ -147,8 +149,10 @@ TABLES: dict[str, Table] = {
         Column("fn", "integer", "outliers kept", at_least=0),
         Column("tn", "integer", "others kept", at_least=0),
         Column("amplitude", "double", "of the kernel", SCALED, told_by="model"),
-        Column("lengthscale_1", "double", "of the kernel along x1", SCALED, told_by="model"),
-        Column("lengthscale_2", "double", "of the kernel along x2", SCALED, told_by="model"),
+        Column("lengthscale_1", "double", "of the kernel along x1", SCALED, told_by="model",
+               gaps=True),
+        Column("lengthscale_2", "double", "of the kernel along x2", SCALED, told_by="model",
+               gaps=True),
         Column("noise_std", "double", "deviation of the learned noise", SCALED, told_by="model"),
         Column("jitter", "double", "added to the covariance's diagonal", SCALED, told_by="model"),
         Column("lml", "double", "log marginal likelihood of the data", told_by="model"),

@@ -9,6 +9,7 @@ import re
 import shlex
 from functools import cache
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -153,6 +154,12 @@ def as_override(name: str, value: Any) -> str:
         If no command line can say it.
     """
     return shlex.quote(f"{name}={as_value(name, value)}")
+
+
+def as_command(words: str, results_dir: Path) -> str:
+    """Write a command for a results folder, which is named if it is not the default one."""
+    usual = str(results_dir) == Config().results_dir
+    return words if usual else f"{words} {as_override('results_dir', results_dir)}"
 
 
 def decimal(value: float) -> float:

@@ -53,6 +53,17 @@ def figure(value: float) -> str:
     return f"{value:.{decimals}f}"
 
 
+def spans(numbers: Iterable[int]) -> str:
+    """Write whole numbers in short, runs of them as one: ``0-3, 7``."""
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1] = [parts[-1][0], number]
+        else:
+            parts.append([number])
+    return ", ".join("-".join(map(str, part)) for part in parts)
+
+
 def rough(number: float) -> str:
     """Write a count, from a million on with three significant digits."""
     return f"{number:.0f}" if number < 1e6 else figure(number)

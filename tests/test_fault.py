@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from flown import store
 from hypothesis import given
 from hypothesis import strategies as st
 
 import infoplan
+from infoplan.analyse.audit import audit
 from infoplan.analyse.tables import stored_options
 from infoplan.config import METHODS, FaultConfig, SpikeConfig
 from infoplan.fault import FAULTS, Corrupted, Sensed, spike
@@ -130,6 +132,17 @@ def test_a_fault_remembers_from_batch_to_batch_and_knows_the_time(holding):
     simulator.pilot()
     before, held = simulator.sample(1, poses[:2]), simulator.sample(2, poses)
     assert held.measured[0] == before.measured[-1]
+
+
+def test_the_audit_tells_that_another_fault_is_not_recomputed(holding, tmp_path):
+    terrain = infoplan.load_terrain("volcano")
+    holding.budget, holding.grid = 70, [12, 12]
+    holding.planner.iterations, holding.model.pilot_iterations = 20, 20
+    store(tmp_path, holding, terrain)
+    findings = list(audit(tmp_path, terrains={terrain.sha256: terrain.elevation}))
+    assert [finding for finding in findings if not finding.holds] == []
+    partial = {finding.check: finding.omitted for finding in findings if not finding.detail}
+    assert partial == dict.fromkeys(("spike count", "spike size", "spike draws"), "the fault hold")
 
 
 def test_a_mission_with_another_fault_is_a_run_of_its_own(holding):

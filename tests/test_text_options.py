@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import infoplan
 from infoplan.cli import main
 from infoplan.errors import UsageError
-from infoplan.hydra_front.compose import as_meant, compose
+from infoplan.hydra_front.compose import compose, without_rounding
 from infoplan.hydra_front.front import compose_and
 from infoplan.hydra_front.overrides import readable
 from infoplan.text_options import (
@@ -161,7 +161,7 @@ def test_what_is_suggested_composes_to_that_very_value(path, amount, extent, par
     assert config.terrain.path == path
     assert config.rho == decimal(amount)
     assert config.terrain.extent == [decimal(entry) for entry in extent]
-    assert config.detector.params == as_meant(params)
+    assert config.detector.params == without_rounding(params)
 
 
 def test_the_rounding_of_steps_makes_no_other_number():

@@ -18,6 +18,7 @@ from infoplan.wording import (
     harmless,
     interval,
     markdown_cell,
+    spans,
     suggest,
 )
 
@@ -37,6 +38,11 @@ def test_figures(value, text):
 @given(st.floats(-1e12, 1e12).filter(lambda x: abs(x) > 1e-12))
 def test_figures_keep_three_significant_digits(value):
     assert float(figure(value)) == pytest.approx(value, rel=5.0001e-3)
+
+
+def test_whole_numbers_in_short():
+    assert spans({3, 0, 1, 7, 8}) == "0-1, 3, 7-8"
+    assert spans([]) == ""
 
 
 def test_counts():

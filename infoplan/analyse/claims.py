@@ -84,18 +84,18 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
         In the order of the names. The margin m is 5 % of the standard deviation of the terrain on
         the query grid.
     """
-    evidence = Evidence(selection)
+    measures = Measures(selection)
     claims = []
     for name in names:
-        evidence.missing.clear()
-        made = tuple(COMPARISONS[name](evidence))
-        cures = commands(selection, evidence.missing)
+        measures.missing.clear()
+        made = tuple(COMPARISONS[name](measures))
+        cures = commands(selection, measures.missing)
         claims.append(Claim(name, TEXTS[name], made, cures, WHERE.get(name, "rho 0.1, batch")))
     return claims
 
 
 @dataclass
-class Evidence:
+class Measures:
     """Numbers a mission, worked out when a comparison asks for them.
 
     Attributes
@@ -172,30 +172,30 @@ class Evidence:
         return Comparison(what, unit, stated, Interval(np.nan, np.nan, np.nan, 0), lacks=lacks)
 
 
-def _c1(e: Evidence) -> list[Comparison]:
+def _c1(e: Measures) -> list[Comparison]:
     negligible = Stated(-e.margin, e.margin)
     return [e.pair("final", a, b, negligible, 0.05) for a, b in combinations(METHODS, 2)]
 
 
-def _c2(e: Evidence) -> list[Comparison]:
+def _c2(e: Measures) -> list[Comparison]:
     return [e.pair("final", BEST, other, BELOW_ZERO) for other in (NONE, UCT, PUCT)]
 
 
-def _c3(e: Evidence) -> list[Comparison]:
+def _c3(e: Measures) -> list[Comparison]:
     rises = e.single("rise", NONE, Stated(low=e.margin), 0.1)
     return [rises, *(e.pair("final", NONE, other, ABOVE_ZERO) for other in (BEST, UCT, PUCT))]
 
 
-def _c4(e: Evidence) -> list[Comparison]:
+def _c4(e: Measures) -> list[Comparison]:
     order = ((BEST, PUCT), (PUCT, UCT), (UCT, NONE))
     return [e.pair("late", lower, higher, BELOW_ZERO) for lower, higher in order]
 
 
-def _c5(e: Evidence) -> list[Comparison]:
+def _c5(e: Measures) -> list[Comparison]:
     return [e.pair("early", UCT, NONE, ABOVE_ZERO)]
 
 
-def _c6(e: Evidence) -> list[Comparison]:
+def _c6(e: Measures) -> list[Comparison]:
     return [
         e.pair("final", UCT, NONE, Stated(low=-e.margin), 0.15),
         e.pair("final", PUCT, UCT, BELOW_ZERO, 0.15),
@@ -203,35 +203,35 @@ def _c6(e: Evidence) -> list[Comparison]:
     ]
 
 
-def _c7(e: Evidence) -> list[Comparison]:
+def _c7(e: Measures) -> list[Comparison]:
     return [
         e.pair("final", method, NONE, ABOVE_ZERO, scope="historical", share=0.9)
         for method in (UCT, PUCT)
     ]
 
 
-def _c8(e: Evidence) -> list[Comparison]:
+def _c8(e: Measures) -> list[Comparison]:
     return [e.pair(name, PUCT, UCT, BELOW_ZERO) for name in ("fp", "false_alarm_rate")]
 
 
-def _c9(e: Evidence) -> list[Comparison]:
+def _c9(e: Measures) -> list[Comparison]:
     return [e.single("relief_gap", method, ABOVE_ZERO, 0.1) for method in (UCT, PUCT)]
 
 
-def _c10(e: Evidence) -> list[Comparison]:
+def _c10(e: Measures) -> list[Comparison]:
     return [e.pair("spread", NONE, BEST, BELOW_ZERO), e.pair("std", NONE, BEST, ABOVE_ZERO)]
 
 
-def _c11(e: Evidence) -> list[Comparison]:
+def _c11(e: Measures) -> list[Comparison]:
     methods = (UCT, PUCT)
     return [e.single("recall_lost", method, ABOVE_ZERO, 0.1, "historical") for method in methods]
 
 
-def _c12(e: Evidence) -> list[Comparison]:
+def _c12(e: Measures) -> list[Comparison]:
     return [e.pair("returned", PUCT, UCT, ABOVE_ZERO)]
 
 
-COMPARISONS: dict[str, Callable[[Evidence], list[Comparison]]] = {
+COMPARISONS: dict[str, Callable[[Measures], list[Comparison]]] = {
     "C1": _c1,
     "C2": _c2,
     "C3": _c3,

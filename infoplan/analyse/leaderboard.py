@@ -6,10 +6,10 @@ standard deviations of the map, so that maps of any unit and height can be avera
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,41 +20,69 @@ from infoplan.analyse.tables import (
     REPLAY,
     Options,
     demand_whole,
-    flatten,
     option_text,
     stored_footers,
+    stored_options,
 )
+from infoplan.config import METHODS
 from infoplan.errors import UsageError
+from infoplan.method_identity import SPIKE, Method, labels, method_of
+from infoplan.options import plain_number
 from infoplan.study.store import read_table
-from infoplan.study.terms import as_meant
+from infoplan.text_options import as_command
 from infoplan.wording import counted
 
-METHOD = ("planner", "detector", "model")
-"""Parts of a configuration that make a method."""
+CONDITIONS = ("terrain", "fault", "rho")
+"""Parts of a configuration under which methods are compared, each with each."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Stored:
-    """A stored mission: its method, map, settings, and where it is.
+class Entry:
+    """A stored mission that stands for its method.
 
     Attributes
     ----------
     run, seed
         The mission.
-    method, terrain, settings
-        Options of planner, detector and model; of the map; and all others but rho.
-    rho
-        Share of outliers.
+    method
+        Whose it is.
+    options
+        All options of its configuration, by dotted names.
     """
 
     run: str
     seed: int
-    method: Options
-    terrain: Options
-    settings: Options
+    method: Method
+    options: Options
+
+    def part(self, *groups: str) -> Options:
+        """Options of some groups alone."""
+        return {k: v for k, v in self.options.items() if k.partition(".")[0] in groups}
+
+    @property
+    def settings(self) -> Options:
+        """Options that are neither its method's nor a condition."""
+        return {k: v for k, v in self.options.items()
+                if k.partition(".")[0] not in (*METHODS, *CONDITIONS)}  # fmt: skip
+
+
+class Condition(NamedTuple):
+    """What a mission is flown under: the label of its map, that of its fault, the outlier share."""
+
+    terrain: str
+    fault: str
     rho: float
+
+    def __str__(self) -> str:
+        """Write it for a note: ``helens rho 0.1``, ``helens stuck rho 0.1``."""
+        fault = "" if self.fault == SPIKE.name else f"{self.fault} "
+        return f"{self.terrain} {fault}rho {plain_number(self.rho)}"
+
+
+Entries = dict[tuple[str, Condition, int], Entry]
+"""Missions by the label of the method, the condition and the seed."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +92,14 @@ class Standing:
     Attributes
     ----------
     method
-        ``planner-detector-model-scope``, and the options that methods of this name differ in.
+        Its label, as in all drawings, and the options that methods of this label differ in.
     score
-        Mean normalised area over maps, rhos and seeds; its interval from a bootstrap over maps and
-        over whole seeds of each.
+        Mean normalised area over maps, faults, rhos and seeds; its interval from a bootstrap over
+        maps and over whole seeds of each.
     behind
         Score less that of the first, resampled together with it: paired by map and seed.
-    by_rho, by_map
-        Means by share of outliers, and by map.
+    by_rho, by_fault, by_map
+        Means by share of outliers, by fault, and by map.
     final
         Mean RMSE at the budget, in standard deviations of the map.
     seconds
@@ -82,6 +110,7 @@ class Standing:
     score: Interval
     behind: Interval
     by_rho: dict[float, float]
+    by_fault: dict[str, float]
     by_map: dict[str, float]
     final: float
     seconds: float
@@ -89,7 +118,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """Methods, best first, on maps, rhos and seeds that all of them have.
+    """Methods, best first, on maps, faults, rhos and seeds that all of them have.
 
     Attributes
     ----------
@@ -97,7 +126,7 @@ class Leaderboard:
         Best first.
     maps
         Seeds that count, by map.
-    rhos
+    rhos, faults
         Ascending.
     budget
         Samples of a mission.
@@ -110,6 +139,7 @@ class Leaderboard:
     standings: tuple[Standing, ...]
     maps: dict[str, list[int]]
     rhos: tuple[float, ...]
+    faults: tuple[str, ...]
     budget: int
     missions: int
     notes: tuple[str, ...]
@@ -128,82 +158,71 @@ def rank(
     results_dir
         Folder of the result tables.
     filters
-        An option of the runs, ``terrain``, ``planner``, ``detector``, ``model`` or ``seed``, and
-        its value, or a list of which any will do. A run without the option passes.
+        An option of the runs, ``terrain``, ``planner``, ``detector``, ``model``, ``fault`` or
+        ``seed``, and its value, or a list of which any will do. A run without the option passes.
     resamples
         Bootstrap resamples, drawn from a fixed seed.
 
     Returns
     -------
     Leaderboard
-        Of the missions with the settings that most have. A map with its rho counts if more than
-        half of the methods have it; a method that lacks one that counts is not ranked.
+        Of the missions with the settings that most have. A map with its fault and rho counts
+        if more than half of the methods have it; a method that lacks one that counts is not ranked.
 
     Raises
     ------
     UsageError
-        If no missions answer, or not two methods have the same maps, rhos and seeds.
+        If no missions answer, or not two methods have the same maps, faults, rhos and seeds.
     RunError
         If a table cannot be read.
     """
     folder = Path(results_dir).expanduser()
-    missions = [mission for mission in _stored(folder) if _answers(mission, filters or {})]
-    if not missions:
-        asked = " ".join(f"{name}={value}" for name, value in (filters or {}).items())
-        raise UsageError(
-            f"results_dir={folder} holds no finished mission{f' with {asked}' if asked else ''}: "
-            "make some with infoplan run -m experiment=benchmark"
-        )
-    missions, notes = _with_common_settings(missions)
-    methods = _labels([mission.method for mission in missions], _method)
-    terrains = _labels([mission.terrain for mission in missions], _terrain)
-    where: dict[tuple[str, str, float, int], Stored] = {
-        (method, terrain, mission.rho, mission.seed): mission
-        for method, terrain, mission in zip(methods, terrains, missions, strict=True)
-    }
-    cells = {(method, terrain, rho) for method, terrain, rho, _ in where}
-    counts = Counter((terrain, rho) for _, terrain, rho in cells)
-    everyone = sorted(set(methods))
-    counting = {cell for cell, count in counts.items() if count > len(everyone) / 2}
-    ranked = [m for m in everyone if counting and all((m, *cell) in cells for cell in counting)]
+    entries = _chosen(folder, filters or {})
+    entries, notes = _with_common_settings(entries)
+    where = _named(entries)
+    cells = {(method, condition) for method, condition, _ in where}
+    counts = Counter(condition for _, condition in cells)
+    everyone = sorted({method for method, _ in cells})
+    counting = {condition for condition, count in counts.items() if count > len(everyone) / 2}
+    ranked = [m for m in everyone if counting and all((m, one) in cells for one in counting)]
     for method in everyone:
-        lacking = sorted(cell for cell in counting if (method, *cell) not in cells)
+        lacking = sorted(one for one in counting if (method, one) not in cells)
         if lacking:
-            listed = ", ".join(f"{terrain} rho {rho:g}" for terrain, rho in lacking)
-            notes.append(f"{method} is not ranked: it lacks {listed}")
-    for terrain, rho in sorted(set(counts) - counting):
-        notes.append(f"{terrain} rho {rho:g} does not count: most methods lack it")
+            notes.append(f"{method} is not ranked: it lacks {', '.join(map(str, lacking))}")
+    for condition in sorted(set(counts) - counting):
+        notes.append(f"{condition} does not count: most methods lack it")
     seeds = _common_seeds(where, ranked, counting)
     for terrain in [terrain for terrain, common in seeds.items() if not common]:
         notes.append(f"{terrain} does not count: its missions have no seed in common")
         del seeds[terrain]
     if len(ranked) < 2 or not seeds:
         raise UsageError(
-            f"results_dir={folder} holds no two methods with the same maps, rhos and seeds, out of "
-            f"{', '.join(everyone)}: run more, or choose with rho=, terrain= or the like"
+            f"results_dir={folder} holds no two methods with the same maps, faults, rhos and "
+            f"seeds, out of {', '.join(everyone)}: run more, or choose with rho=, terrain= or the "
+            "like"
         )
     scores = _Scores(folder, where, ranked, counting, seeds)
     return replace(scores.standings(resamples), notes=tuple(notes))
 
 
 class _Scores:
-    """Scores of all missions that count, an array of methods x seeds x rhos for each map."""
+    """Scores of all missions that count, an array of methods x seeds x conditions for each map."""
 
     def __init__(
         self,
         folder: Path,
-        where: dict[tuple[str, str, float, int], Stored],
+        where: Entries,
         methods: list[str],
-        cells: set[tuple[str, float]],
+        conditions: set[Condition],
         seeds: dict[str, list[int]],
     ):
         self.methods, self.seeds = methods, seeds
-        self.rhos = {t: sorted(rho for terrain, rho in cells if terrain == t) for t in seeds}
+        self.conditions = {t: sorted(one for one in conditions if one.terrain == t) for t in seeds}
         numbers = {
             terrain: np.array(
                 [
                     [
-                        [_numbers(folder, where[m, terrain, r, seed]) for r in self.rhos[terrain]]
+                        [_numbers(folder, where[m, one, seed]) for one in self.conditions[terrain]]
                         for seed in common
                     ]
                     for m in methods
@@ -214,7 +233,7 @@ class _Scores:
         self.area, self.final, self.seconds = (
             {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(3)
         )
-        self.budget = int(next(iter(where.values())).settings["budget"])
+        self.budget = int(next(iter(where.values())).options["budget"])
 
     def standings(self, resamples: int) -> Leaderboard:
         """Rank by the mean area."""
@@ -223,36 +242,42 @@ class _Scores:
         drawn = self._resampled(resamples)
         best = order[0]
         n = sum(len(common) for common in self.seeds.values())
-        rhos = sorted({rho for listed in self.rhos.values() for rho in listed})
+        conditions = [one for listed in self.conditions.values() for one in listed]
+        rhos = sorted({one.rho for one in conditions})
+        faults = sorted({one.fault for one in conditions})
         finals, seconds = _over_maps(self.final), _over_maps(self.seconds)
         rows = [
             Standing(
                 self.methods[m],
                 _interval(means[m], drawn[:, m], n),
                 _interval(means[m] - means[best], drawn[:, m] - drawn[:, best], n),
-                {rho: self._at_rho(m, rho) for rho in rhos},
+                {rho: self._where(m, rho) for rho in rhos},
+                {fault: self._where(m, fault) for fault in faults},
                 {terrain: float(area[m].mean()) for terrain, area in self.area.items()},
                 float(finals[m]),
                 float(seconds[m]),
             )
             for m in order
-        ]
+        ]  # fmt: skip
         missions = sum(area.size for area in self.area.values())
-        return Leaderboard(tuple(rows), self.seeds, tuple(rhos), self.budget, missions, ())
+        return Leaderboard(
+            tuple(rows), self.seeds, tuple(rhos), tuple(faults), self.budget, missions, ()
+        )
 
-    def _at_rho(self, method: int, rho: float) -> float:
-        areas = [
-            self.area[terrain][method, :, rhos.index(rho)].mean()
-            for terrain, rhos in self.rhos.items()
-            if rho in rhos
-        ]
+    def _where(self, method: int, part: float | str) -> float:
+        """Mean of a method under the conditions of a rho or a fault, every such map alike."""
+        areas = []
+        for terrain, conditions in self.conditions.items():
+            chosen = [number for number, one in enumerate(conditions) if part in one[1:]]
+            if chosen:
+                areas.append(self.area[terrain][method][:, chosen].mean())
         return float(np.mean(areas))
 
     def _resampled(self, resamples: int) -> Floats:
         """Mean scores of all methods on resampled maps and seeds, shape (resamples, methods).
 
         Maps are drawn with replacement, and for each drawn map its seeds, as a whole: all methods
-        and all rhos of a resample stand on the same ones.
+        and all conditions of a resample stand on the same ones.
         """
         rng = np.random.default_rng(0)
         by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
@@ -267,7 +292,7 @@ class _Scores:
 
 
 def _over_maps(numbers: dict[str, Floats]) -> Floats:
-    """Mean of each method over seeds and rhos of each map, and over maps, every map alike."""
+    """Mean of each method over seeds and conditions of each map, and over maps, every map alike."""
     return np.mean([array.mean(axis=(1, 2)) for array in numbers.values()], axis=0)
 
 
@@ -278,7 +303,7 @@ def _interval(mean: float, drawn: Floats, n: int) -> Interval:
     return Interval(float(mean), float(low), float(high), n)
 
 
-def _numbers(folder: Path, mission: Stored) -> tuple[float, float, float]:
+def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float]:
     """Area and final RMSE of a mission in standard deviations of its map, and its seconds."""
     demand_whole(folder, [(mission.run, mission.seed)])
     curve, maps = (
@@ -292,104 +317,127 @@ def _numbers(folder: Path, mission: Stored) -> tuple[float, float, float]:
 
 
 def _common_seeds(
-    where: dict[tuple[str, str, float, int], Stored],
-    methods: Iterable[str],
-    cells: set[tuple[str, float]],
+    where: Entries, methods: Iterable[str], conditions: set[Condition]
 ) -> dict[str, list[int]]:
-    """Seeds of each map that all methods have at all of its rhos."""
-    found: dict[tuple[str, str, float], set[int]] = {}
-    for method, terrain, rho, seed in where:
-        found.setdefault((method, terrain, rho), set()).add(seed)
+    """Seeds of each map that all methods have under all of its conditions."""
+    found: dict[tuple[str, Condition], set[int]] = {}
+    for method, condition, seed in where:
+        found.setdefault((method, condition), set()).add(seed)
     common: dict[str, set[int]] = {}
-    for terrain, rho in sorted(cells):
+    for condition in sorted(conditions):
         for method in methods:
-            seeds = found[method, terrain, rho]
-            common[terrain] = common.get(terrain, seeds) & seeds
+            seeds = found[method, condition]
+            common[condition.terrain] = common.get(condition.terrain, seeds) & seeds
     return {terrain: sorted(seeds) for terrain, seeds in common.items()}
 
 
-def _stored(folder: Path) -> list[Stored]:
+def _chosen(folder: Path, filters: Mapping[str, Any]) -> list[Entry]:
+    """List the missions that answer to all filters; at least one must."""
+    entries = _stored(folder)
+    chosen = [entry for entry in entries if _answers(entry, filters)]
+    if chosen:
+        return chosen
+    asked = " ".join(f"{name}={option_text(value)}" for name, value in filters.items())
+    none = f"results_dir={folder} holds no finished mission{f' with {asked}' if asked else ''}"
+    if not entries:
+        benchmark = as_command("infoplan run -m experiment=benchmark", folder)
+        raise UsageError(f"{none}: make some with {benchmark}")
+    there = {
+        name: dict.fromkeys(sorted(option_text(_value(entry, name)) for entry in entries))
+        for name in filters
+    }
+    listed = "; ".join(f"{name}={' or '.join(values)}" for name, values in there.items())
+    raise UsageError(f"{none}: there is {listed}")
+
+
+def _stored(folder: Path) -> list[Entry]:
     """List all finished missions that were flown; replays are nobody's method."""
-    missions, parts = [], {}
+    entries: list[Entry] = []
+    options: dict[str, Options] = {}
     for run, seed, footer in stored_footers(folder):
-        science = as_meant(footer.configuration)
-        if REPLAY in science:
-            continue
-        if run not in parts:
-            rest = {k: v for k, v in science.items() if k not in (*METHOD, "terrain", "rho")}
-            parts[run] = (
-                flatten({part: science[part] for part in METHOD}),
-                flatten({"terrain": science["terrain"]}),
-                flatten(rest),
-                float(science["rho"]),
-            )
-        missions.append(Stored(run, seed, *parts[run]))
-    return missions
+        if run not in options:
+            options[run] = stored_options(footer.configuration)
+        if REPLAY not in options[run]:
+            entries.append(Entry(run, seed, method_of(options[run]).faultless, options[run]))
+    return entries
 
 
-def _answers(mission: Stored, filters: dict[str, Any]) -> bool:
-    has = {**mission.method, **mission.terrain, **mission.settings}
-    has |= {"rho": mission.rho, "seed": mission.seed, "run": mission.run}
+def _value(entry: Entry, name: str) -> Any:
+    """Value of an option, a group's choice, the seed or the run; None where there is none."""
+    has = {**entry.options, "seed": entry.seed, "run": entry.run}
+    return has.get(f"{name}.name", has.get(name))
+
+
+def _answers(entry: Entry, filters: Mapping[str, Any]) -> bool:
     for name, wanted in filters.items():
-        value = has.get(f"{name}.name", has.get(name))
+        value = _value(entry, name)
         several = isinstance(wanted, list) and not isinstance(value, list)
         if value is not None and value not in (wanted if several else [wanted]):
             return False
     return True
 
 
-def _with_common_settings(missions: list[Stored]) -> tuple[list[Stored], list[str]]:
+def _with_common_settings(entries: list[Entry]) -> tuple[list[Entry], list[str]]:
     """Keep the missions with the settings that most have: scores of others do not compare."""
-    counts = Counter(repr(mission.settings) for mission in missions)
-    most = max(counts, key=lambda settings: counts[settings])
-    kept = [mission for mission in missions if repr(mission.settings) == most]
-    others = [mission for mission in missions if repr(mission.settings) != most]
+    settings = {entry.run: entry.settings for entry in entries}
+    counts = Counter(repr(settings[entry.run]) for entry in entries)
+    most = max(counts, key=lambda one: counts[one])
+    kept = [entry for entry in entries if repr(settings[entry.run]) == most]
+    others = [entry for entry in entries if repr(settings[entry.run]) != most]
     if not others:
         return kept, []
+    usual = settings[kept[0].run]
     differing = sorted(
         {
             name
-            for mission in others
-            for name in {*mission.settings, *kept[0].settings}
-            if mission.settings.get(name) != kept[0].settings.get(name)
+            for run in {entry.run for entry in others}
+            for name in {*settings[run], *usual}
+            if settings[run].get(name) != usual.get(name)
         }
     )
-    told = ", ".join(f"{name}={option_text(kept[0].settings.get(name))}" for name in differing)
+    told = ", ".join(f"{name}={option_text(usual.get(name))}" for name in differing)
     are = "is" if len(others) == 1 else "are"
     left_out = counted(len(others), "mission")
     return kept, [f"{left_out} with other settings than {told} {are} left out"]
 
 
-def _method(flat: Options) -> str:
-    """Call a method by planner, detector, model and scope; one of the user's by its function."""
-    parts = []
-    for group in METHOD:
-        name, function = flat[f"{group}.name"], flat.get(f"{group}.function")
-        parts.append(str(function).rpartition(".")[2] if function else str(name))
-    return "-".join([*parts, str(flat["detector.scope"])])
+def _named(entries: list[Entry]) -> Entries:
+    """Find a label for every method, map and fault."""
+    called = labels([entry.method for entry in entries], with_scope=True)
+    methods = _told_apart(
+        [called[entry.method] for entry in entries],
+        [entry.part("planner", "detector", "model") for entry in entries],
+    )
+    terrains, faults = (
+        _told_apart([str(entry.options[f"{group}.name"]) for entry in entries],
+                    [entry.part(group) for entry in entries])
+        for group in ("terrain", "fault")
+    )  # fmt: skip
+    return {
+        (method, Condition(terrain, fault, float(entry.options["rho"])), entry.seed): entry
+        for method, terrain, fault, entry in zip(methods, terrains, faults, entries, strict=True)
+    }
 
 
-def _terrain(flat: Options) -> str:
-    return str(flat["terrain.name"])
-
-
-def _labels(options: list[Options], called: Callable[[Options], str]) -> list[str]:
-    """Name each of several sets of options, different sets differently."""
+def _told_apart(names: Sequence[str], options: Sequence[Options]) -> list[str]:
+    """Add to each name the options in which those of this name differ."""
     alike: dict[str, list[Options]] = {}
-    for flat in options:
-        known = alike.setdefault(called(flat), [])
+    for name, flat in zip(names, options, strict=True):
+        known = alike.setdefault(name, [])
         if flat not in known:
             known.append(flat)
-    labels = []
-    for flat in options:
-        others = alike[called(flat)]
+    found = []
+    for name, flat in zip(names, options, strict=True):
+        others = alike[name]
         differing = sorted(
-            name for name in {key for other in others for key in other}
-            if any(other.get(name) != flat.get(name) for other in others)
+            option for option in {key for other in others for key in other}
+            if any(other.get(option) != flat.get(option) for other in others)
         )  # fmt: skip
-        told = [f"{name}={_short(name, flat[name])}" for name in differing if name in flat]
-        labels.append(" ".join([called(flat), *told]))
-    return labels
+        told = [
+            f"{option}={_short(option, flat[option])}" for option in differing if option in flat
+        ]
+        found.append(" ".join([name, *told]))
+    return found
 
 
 def _short(name: str, value: Any) -> str:

@@ -15,18 +15,18 @@ CLASSES = ("flat", "middle", "rugged")
 """The thirds of the query grid by local relief."""
 
 
-class Grid(NamedTuple):
+class QueryGrid(NamedTuple):
     """The query grid of a mission: number of nodes, and the workspace they span."""
 
     shape: tuple[int, int]
     extent: tuple[float, float, float, float]
 
 
-def grid_of(maps: pd.DataFrame) -> Grid:
+def grid_of(maps: pd.DataFrame) -> QueryGrid:
     """Find the query grid from one mission's map table."""
     x, y = np.unique(maps["x1"]), np.unique(maps["x2"])
     extent = (float(x[0]), float(x[-1]), float(y[0]), float(y[-1]))
-    return Grid((len(y), len(x)), extent)
+    return QueryGrid((len(y), len(x)), extent)
 
 
 def on_grid(maps: pd.DataFrame, column: str) -> Floats:
@@ -83,7 +83,9 @@ def relief_at(samples: pd.DataFrame, maps: pd.DataFrame) -> Floats:
     return relief[nearest_nodes(samples, grid_of(maps))]
 
 
-def nearest_nodes(samples: pd.DataFrame, grid: Grid) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def nearest_nodes(
+    samples: pd.DataFrame, grid: QueryGrid
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Row and column of the query-grid node nearest to each sample; half-way goes up."""
     (rows, columns), (xmin, xmax, ymin, ymax) = grid
     indices = []

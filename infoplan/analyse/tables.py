@@ -15,7 +15,7 @@ from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
 from infoplan.study.terms import as_meant
-from infoplan.text_options import renamed
+from infoplan.text_options import as_command, renamed
 from infoplan.wording import counted, harmless, suggest
 
 if TYPE_CHECKING:
@@ -166,8 +166,9 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     missions, options = _scan(folder)
     if missions.empty:
         raise UsageError(
-            f"results_dir={folder} holds no finished mission: make some with infoplan run, "
-            "all of the paper's with infoplan run -m experiment=fig5"
+            f"results_dir={folder} holds no finished mission: make some with "
+            f"{as_command('infoplan run', folder)}, all of the paper's with "
+            f"{as_command('infoplan run -m experiment=fig5', folder)}"
         )
     for name, wanted in filters.items():
         if wanted is not None:

@@ -12,7 +12,7 @@ from rich.text import Text
 from infoplan.analyse.judging import Claim, Comparison, Stated
 from infoplan.analyse.tables import Selection
 from infoplan.draw.console import say, say_command
-from infoplan.draw.table_layout import Cell, Column, print_table
+from infoplan.draw.table_layout import Cell, TextColumn, print_table
 from infoplan.wording import counted, figure, harmless, interval, markdown_cell
 
 FEW = 5
@@ -24,13 +24,13 @@ COLOURS = {"supported": "green", "contradicted": "red", "undecided": "yellow", "
 def print_claims(claims: list[Claim], selection: Selection, console: Console) -> None:
     """Print the claims, every comparison on a line of its own; IQM is its interquartile mean."""
     columns = [
-        Column("claim"),
-        Column("compared", least=24),
-        Column("effect [95 %]", right=True, least=18),
-        Column("IQM", right=True, spare=1),
-        Column("stated", right=True),
-        Column("seeds", right=True),
-        Column("verdict"),
+        TextColumn("claim"),
+        TextColumn("compared", least=24),
+        TextColumn("effect [95 %]", right=True, least=18),
+        TextColumn("IQM", right=True, spare=1),
+        TextColumn("stated", right=True),
+        TextColumn("seeds", right=True),
+        TextColumn("verdict"),
     ]
     rows: list[list[Cell] | None] = []
     for claim in claims:

@@ -40,7 +40,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
             figure.text(
                 k / 3 + 0.02,
                 0.8,
-                f"elevation ({style.plain(selection.unit, style.LONGEST_UNIT)})",
+                f"elevation ({style.inert(selection.unit, style.LONGEST_UNIT)})",
                 fontsize=6,
             )
             _surface(axes, values, best.extent, like=best.truth)

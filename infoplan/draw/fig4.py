@@ -15,7 +15,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
     """Draw Fig. 4 from a mission of UCT-NONE at rho 0.1; returns its files."""
     mission = mission_maps(selection, *NEEDS[0], seed)
     pilot = mission.samples[mission.samples["epoch"] == 0]
-    unit = style.plain(selection.unit, style.LONGEST_UNIT)
+    unit = style.inert(selection.unit, style.LONGEST_UNIT)
     with style.journal():
         figure = style.new_figure(style.COLUMN, 1.6)
         left, right = figure.subplots(1, 2, sharey=True)

@@ -89,7 +89,7 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
         grid[0, 0].set_ylim(bottom=0)
         grid[0, 0].set_xlim(0, selection.budget)
         figure.supxlabel(f"collected samples ({_seeds(numbers)})", fontsize=7)
-        figure.supylabel(f"RMSE ({style.plain(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
+        figure.supylabel(f"RMSE ({style.inert(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
         lines = {line.get_gid(): line for axes in grid.flat for line in axes.get_lines()}
         handles = [lines[method] for method in order if method in lines]
         # The other methods' rows of strokes are longer.
@@ -139,14 +139,14 @@ def _draw_method(
                       alpha=0.5)  # fmt: skip
     low, mean, high = (drawable(curve[name], usual) for name in ("low", "mean", "high"))
     axes.fill_between(curve["collected"], low, high, color=look.colour, alpha=0.2, lw=0)
-    axes.plot(curve["collected"], mean, **style.line(look), label=style.plain(method), gid=method)
+    axes.plot(curve["collected"], mean, **style.line(look), label=style.inert(method), gid=method)
 
 
 def _name_gaps(axes: "Axes", here: pd.DataFrame, usual: "pd.Series[float]") -> None:
     """Say which methods have errors that no axis holds."""
     lost = here["method"][np.isnan(drawable(here["mean"], usual))].unique()
     if len(lost):
-        told = "\n".join(f"{style.plain(method)}: not finite in part" for method in lost)
+        told = "\n".join(f"{style.inert(method)}: not finite in part" for method in lost)
         axes.text(0.98, 0.02, told, ha="right", va="bottom", fontsize=5, transform=axes.transAxes)
 
 

@@ -17,7 +17,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
     """
     missions = {need[0]: mission_maps(selection, *need, seed) for need in NEEDS}
     first = missions[NEEDS[0][0]]
-    unit = style.plain(selection.unit, style.LONGEST_UNIT)
+    unit = style.inert(selection.unit, style.LONGEST_UNIT)
     maps = {f"ground truth, seed {seed}": first.truth}
     for method, mission in missions.items():
         maps[f"{method}, RMSE {figure_of(mission.rmse)} {unit}"] = mission.mean

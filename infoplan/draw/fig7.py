@@ -42,7 +42,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
         style.colour_bar(
             image,
             row[-1],
-            f"absolute error ({style.plain(selection.unit, style.LONGEST_UNIT)})",
+            f"absolute error ({style.inert(selection.unit, style.LONGEST_UNIT)})",
             extend="max",
         )
         numbers = pd.concat(frames)[["method", "kind", "x1", "x2", "abs_error"]]

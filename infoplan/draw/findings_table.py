@@ -6,9 +6,8 @@ from rich.console import Console
 from rich.text import Text
 
 from infoplan.analyse.audit.findings import Finding
-from infoplan.analyse.audit.model import spans
 from infoplan.draw.console import UNLIMITED, wrapped
-from infoplan.wording import counted, encodable, harmless
+from infoplan.wording import counted, encodable, harmless, spans
 
 NARROW = 30
 """With less room than this beside a check its details stand below it."""

@@ -10,8 +10,10 @@ from rich.console import Console
 from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
 from infoplan.draw.console import say
-from infoplan.draw.table_layout import Column, print_table
+from infoplan.draw.table_layout import TextColumn, print_table
 from infoplan.errors import RunError
+from infoplan.method_identity import SPIKE
+from infoplan.options import plain_number
 from infoplan.wording import counted, harmless, markdown_cell
 
 TITLE = "Leaderboard"
@@ -35,7 +37,7 @@ def print_leaderboard(board: Leaderboard, console: Console) -> None:
     named = columns(board)
     first_map = 4 + len(board.rhos)
     shown = [
-        Column(
+        TextColumn(
             name,
             right=name != "method",
             spare=number if first_map <= number < len(named) - 2 else 0,
@@ -55,8 +57,9 @@ def markdown(board: Leaderboard) -> str:
     """Write the leaderboard as a Markdown table."""
     standings = (replace(one, method=markdown_cell(one.method)) for one in board.standings)
     maps = {markdown_cell(name): seeds for name, seeds in board.maps.items()}
+    faults = tuple(map(markdown_cell, board.faults))
     notes = tuple(map(markdown_cell, board.notes))
-    board = replace(board, standings=tuple(standings), maps=maps, notes=notes)
+    board = replace(board, standings=tuple(standings), maps=maps, faults=faults, notes=notes)
     named = columns(board)
     lines = [
         f"{heading(board)}",
@@ -115,26 +118,33 @@ def heading(board: Leaderboard) -> str:
     maps = ", ".join(
         f"{name} ({counted(len(seeds), 'seed')})" for name, seeds in board.maps.items()
     )
-    rhos = ", ".join(f"{rho:g}" for rho in board.rhos)
-    return f"{maps}; rho {rhos}; budget {board.budget}; {counted(board.missions, 'mission')}"
+    rhos = ", ".join(map(plain_number, board.rhos))
+    faults = "" if board.faults == (SPIKE.name,) else f"fault {', '.join(board.faults)}; "
+    return (
+        f"{maps}; {faults}rho {rhos}; budget {board.budget}; {counted(board.missions, 'mission')}"
+    )
 
 
 def columns(board: Leaderboard) -> list[str]:
     """Name the columns."""
-    return ["", "method", "area [95 %]", "behind the first", *(f"rho {r:g}" for r in board.rhos),
+    return ["", "method", "area [95 %]", "behind the first",
+            *(f"rho {plain_number(rho)}" for rho in board.rhos),
+            *(board.faults if len(board.faults) > 1 else ()),
             *(board.maps if len(board.maps) > 1 else ()), "final", "s a mission"]  # fmt: skip
 
 
 def cells(number: int, standing: Standing, digits: int) -> list[str]:
     """Write a row, its scores with that many decimals."""
-    by_map = standing.by_map.values() if len(standing.by_map) > 1 else ()
+    by_fault, by_map = (
+        means.values() if len(means) > 1 else () for means in (standing.by_fault, standing.by_map)
+    )
     return [
         str(number),
         standing.method,
         _interval(standing.score, digits),
         _interval(standing.behind, digits) if number > 1 else "",
         *(f"{score:.{digits}f}" for score in standing.by_rho.values()),
-        *(f"{score:.{digits}f}" for score in by_map),
+        *(f"{score:.{digits}f}" for score in (*by_fault, *by_map)),
         f"{standing.final:.{digits}f}",
         f"{standing.seconds:.1f}",
     ]

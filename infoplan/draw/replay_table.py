@@ -8,7 +8,7 @@ from infoplan.analyse.curves import on_common_axis, summarise
 from infoplan.analyse.statistics import bootstrap_mean
 from infoplan.analyse.tables import load_curves
 from infoplan.draw.console import say
-from infoplan.draw.table_layout import WHOLE, Column, print_table
+from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.study.study import Study
 from infoplan.wording import counted, interval
 
@@ -41,9 +41,9 @@ def _print_table(study: Study, seeds: list[int], console: Console) -> None:
         for name in (study.flown, run.name)
     }
     errors = [on_common_axis(table, milestones).to_numpy().T for table in curves.values()]
-    columns = [Column("", least=WHOLE)]
-    columns += [Column(f"at {samples}", right=True) for samples in milestones]
-    columns += [Column(name, right=True) for name in ("caught", "missed", "false alarms")]
+    columns = [TextColumn("", least=WHOLE)]
+    columns += [TextColumn(f"at {samples}", right=True) for samples in milestones]
+    columns += [TextColumn(name, right=True) for name in ("caught", "missed", "false alarms")]
     rows = []
     for what, values, of_run in zip(("flown", "replayed"), errors, curves.values(), strict=True):
         counts = summarise(of_run)[["tp", "fn", "fp"]].mean()

@@ -4,10 +4,10 @@ from rich.console import Console
 
 from infoplan.analyse.status import Status
 from infoplan.draw.console import say
-from infoplan.draw.study_tables import option_cells, spans
-from infoplan.draw.table_layout import WHOLE, Column, print_table
+from infoplan.draw.study_tables import option_cells
+from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.study.estimate import duration
-from infoplan.wording import figure
+from infoplan.wording import figure, spans
 
 
 def print_status(found: Status, console: Console) -> None:
@@ -26,17 +26,17 @@ def _print_table(found: Status, console: Console) -> None:
     kept = ["done", *rare, "missing"]
     apart = list(dict.fromkeys(name for run in found.runs for name in run.options))
     columns = [
-        Column("run", least=WHOLE),
-        *(Column(name, right=True) for name in apart),
+        TextColumn("run", least=WHOLE),
+        *(TextColumn(name, right=True) for name in apart),
         *(
-            Column(
+            TextColumn(
                 name, right=True, empty="none", style="red" if name in ("failed", "broken") else ""
             )
             for name in kept
         ),
-        Column("last (UTC)", right=True, spare=1),
-        Column("s a seed", right=True, spare=2),
-        Column("in all", right=True, spare=3),
+        TextColumn("last (UTC)", right=True, spare=1),
+        TextColumn("s a seed", right=True, spare=2),
+        TextColumn("in all", right=True, spare=3),
     ]
     rows = []
     for run in found.runs:

@@ -10,15 +10,15 @@ from infoplan.analyse.statistics import bootstrap_mean
 from infoplan.analyse.tables import Options, differing, option_text, stored_options
 from infoplan.config import Config
 from infoplan.draw.console import say
-from infoplan.draw.table_layout import WHOLE, Column, print_table
+from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.draw.terminal import small_curves, takes_braille
-from infoplan.methods import method_label
+from infoplan.method_identity import method_of
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
 from infoplan.study.stored_curves import StoredCurve, stored_curves
 from infoplan.study.study import Study
-from infoplan.wording import counted, figure, harmless, interval
+from infoplan.wording import counted, figure, harmless, interval, spans
 
 
 def print_summary(study: Study, console: Console) -> None:
@@ -42,12 +42,12 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
     runs = [run for run, _ in study.runs]
     swept = varying(runs)
     columns = [
-        Column("run", least=WHOLE),
-        *(Column(name, right=True) for name in next(iter(swept.values()))),
-        Column("stored", right=True),
-        Column("to run", right=True),
-        Column("seeds to run"),
-        Column("about", right=True),
+        TextColumn("run", least=WHOLE),
+        *(TextColumn(name, right=True) for name in next(iter(swept.values()))),
+        TextColumn("stored", right=True),
+        TextColumn("to run", right=True),
+        TextColumn("seeds to run"),
+        TextColumn("about", right=True),
     ]
     rows = []
     for run, seeds in study.runs:
@@ -69,14 +69,12 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
 
 def label(run: Run) -> str:
     """Label a run by method, map and rho, and by the hash that its name ends in: three lines."""
-    config = run.config
-    methods = [config.planner, config.detector]
-    methods += [config.model] if config.model.name != "gp" else []
+    method = method_of(stored_options(run.science))
     return "\n".join(
         harmless(line)
         for line in (
-            f"{' '.join(method_label(method) for method in methods)} {config.detector.scope}",
-            f"{run.terrain.name} rho {config.rho:g}",
+            f"{' '.join(choice.name for choice in method.choices)} {method.scope}",
+            f"{run.terrain.name} rho {run.config.rho:g}",
             run.name.rsplit("-", 1)[1],
         )
     )
@@ -96,17 +94,6 @@ def option_cells(flat: Options, names: list[str]) -> dict[str, str]:
     return cells
 
 
-def spans(numbers: list[int]) -> str:
-    """Write a list of integers in short: ``0-3, 7``."""
-    parts: list[list[int]] = []
-    for number in sorted(numbers):
-        if parts and number == parts[-1][-1] + 1:
-            parts[-1] = [parts[-1][0], number]
-        else:
-            parts.append([number])
-    return ", ".join("-".join(map(str, part)) for part in parts)
-
-
 def _print_closing_table(
     study: Study, curves: dict[str, list[StoredCurve]], console: Console
 ) -> None:
@@ -117,15 +104,15 @@ def _print_closing_table(
     units = sorted({run.terrain.unit for run in runs})
     swept = varying(runs)
     columns = [
-        Column("run", least=WHOLE),
-        *(Column(name, right=True) for name in next(iter(swept.values()))),
-        Column("curve", spare=1, drawn=True),
-        Column("seeds", right=True),
+        TextColumn("run", least=WHOLE),
+        *(TextColumn(name, right=True) for name in next(iter(swept.values()))),
+        TextColumn("curve", spare=1, drawn=True),
+        TextColumn("seeds", right=True),
     ]
     at = [f"at {round(min(budgets) * share)}" if len(budgets) == 1 else f"at {share:.0%}"
           for share in shares]  # fmt: skip
     numbers = [*at, "precision", "recall", "false alarms", "s a seed"]
-    columns += [Column(name, right=True) for name in numbers]
+    columns += [TextColumn(name, right=True) for name in numbers]
     drawn = small_curves(
         [curves[run.name] for run in runs], braille=takes_braille(console.encoding)
     )

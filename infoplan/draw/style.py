@@ -82,7 +82,7 @@ def line(look: Look) -> dict[str, Any]:
     return {"color": look.colour, "linestyle": (0, look.dashes) if look.dashes else "solid"}
 
 
-def plain(text: object, longest: int = LONGEST) -> str:
+def inert(text: object, longest: int = LONGEST) -> str:
     """Write text of unknown origin for a picture, which shows it as it is: no formulas."""
     shown = harmless(text)
     shown = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
@@ -170,7 +170,7 @@ def show_map(
         vmax=vmax,
         interpolation="bicubic" if smooth else "nearest",
     )
-    workspace(axes, extent)
+    frame_workspace(axes, extent)
     return image
 
 
@@ -201,7 +201,7 @@ def show_relief(
         origin="lower",
         interpolation="bicubic",
     )
-    workspace(axes, extent)
+    frame_workspace(axes, extent)
     return ScalarMappable(Normalize(like.min(), like.max()), ELEVATION)
 
 
@@ -238,7 +238,7 @@ def shaded(elevation: Floats, extent: Extent, like: Floats) -> Floats:
     return np.asarray(rgba[::-1])
 
 
-def workspace(axes: "Axes", extent: Extent) -> None:
+def frame_workspace(axes: "Axes", extent: Extent) -> None:
     """Frame the workspace, axes labelled in its units."""
     from matplotlib.ticker import MaxNLocator
 

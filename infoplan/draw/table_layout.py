@@ -25,14 +25,14 @@ ASCII_BOX = box.Box("    \n    \n -- \n    \n    \n -- \n    \n    \n", ascii=Tr
 """As `box.SIMPLE`, for encodings without its line."""
 
 WHOLE = UNLIMITED
-"""As `Column.least`: the lines of a column are never broken."""
+"""As `TextColumn.least`: the lines of a column are never broken."""
 
 GAP = 2
 """Spaces between columns."""
 
 
 @dataclass(frozen=True)
-class Column:
+class TextColumn:
     """A column of a table.
 
     Attributes
@@ -65,7 +65,7 @@ class Column:
 def print_table(
     console: Console,
     title: str,
-    columns: Sequence[Column],
+    columns: Sequence[TextColumn],
     rows: Sequence[Sequence[Cell] | None],
     *,
     named: int = 1,
@@ -107,7 +107,7 @@ def print_table(
     console.print()
 
 
-def _choices(columns: Sequence[Column]) -> list[list[int]]:
+def _choices(columns: Sequence[TextColumn]) -> list[list[int]]:
     """List which columns may be kept, by index: all, and fewer and fewer."""
     kept = list(range(len(columns)))
     choices = [kept]
@@ -118,7 +118,7 @@ def _choices(columns: Sequence[Column]) -> list[list[int]]:
 
 
 def _widths(
-    columns: Sequence[Column], rows: Sequence[Sequence[Text]], width: int
+    columns: Sequence[TextColumn], rows: Sequence[Sequence[Text]], width: int
 ) -> list[int] | None:
     """Width of each column of a table; None if it is wider than the console."""
     natural, least = [], []
@@ -147,7 +147,7 @@ def _title_words(title: str) -> list[str]:
 
 
 def _table(
-    columns: Sequence[Column],
+    columns: Sequence[TextColumn],
     widths: Sequence[int],
     rows: Sequence[Sequence[Text] | None],
     lines: bool,
@@ -168,7 +168,9 @@ def _table(
     return table
 
 
-def _block(columns: Sequence[Column], row: Sequence[Text], named: int, width: int) -> list[Text]:
+def _block(
+    columns: Sequence[TextColumn], row: Sequence[Text], named: int, width: int
+) -> list[Text]:
     """Lines of a row that is stacked: what names it, and a line a field."""
     name = " ".join(cell.plain for cell in row[:named] if cell.plain)
     style = next((cell.style for cell in row[:named] if cell.style), "bold")
@@ -196,7 +198,7 @@ def _block(columns: Sequence[Column], row: Sequence[Text], named: int, width: in
     return lines
 
 
-def _stacked(column: Column, cell: Text, width: int) -> list[str]:
+def _stacked(column: TextColumn, cell: Text, width: int) -> list[str]:
     lines = cell.plain.split("\n")
     return lines if column.drawn else wrapped(" ".join(lines), width)
 

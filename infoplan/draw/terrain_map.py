@@ -83,7 +83,7 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
     with style.journal():
         drawing = style.new_figure(style.COLUMN, 2.9)
         axes = drawing.add_subplot()
-        image = style.show_relief(axes, thinned(terrain), terrain.extent)
+        image = style.show_relief(axes, coarsened(terrain), terrain.extent)
         axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
         axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
         narrow = len(terrain.name) > 12 or terrain.world is not None
@@ -103,7 +103,7 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
             ) from error
 
 
-def thinned(terrain: Terrain) -> NDArray[np.float64]:
+def coarsened(terrain: Terrain) -> NDArray[np.float64]:
     """Elevations at no more than `SIDE` x `SIDE` even nodes, shape (rows, columns).
 
     A map that has no more gives its own, whatever its shape.
@@ -119,7 +119,7 @@ def _local_relief(terrain: Terrain) -> NDArray[np.float64]:
     """Local relief of a terrain at no more nodes than tell it."""
     xmin, xmax, ymin, ymax = terrain.extent
     most = [max(2, int(min(DENSITY * side, 1e6)) + 1) for side in (ymax - ymin, xmax - xmin)]
-    elevation = thinned(terrain)
+    elevation = coarsened(terrain)
     if np.hypot(xmax - xmin, ymax - ymin) <= RADIUS:
         return np.full(elevation.shape, np.ptp(terrain.elevation))
     rows, columns = elevation.shape

@@ -114,20 +114,20 @@ def to_config(composed: DictConfig) -> Config:
     for group in GROUPS:
         if not is_dataclass(getattr(config, group)):
             raise UsageError(f"{group} must be chosen: give {group}={'|'.join(GROUPS[group])}")
-    return as_meant(config)
+    return without_rounding(config)
 
 
-def as_meant(value: Any) -> Any:
+def without_rounding(value: Any) -> Any:
     """Free all numbers of a configuration from the rounding of the steps that led to them."""
     if isinstance(value, float):
         return decimal(value)
     if isinstance(value, list):
-        return [as_meant(entry) for entry in value]
+        return [without_rounding(entry) for entry in value]
     if isinstance(value, dict):
-        return {key: as_meant(entry) for key, entry in value.items()}
+        return {key: without_rounding(entry) for key, entry in value.items()}
     if is_dataclass(value):
         for name, entry in vars(value).items():
-            setattr(value, name, as_meant(entry))
+            setattr(value, name, without_rounding(entry))
     return value
 
 

@@ -51,7 +51,7 @@ def sort_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
     return flags, overrides
 
 
-def check_flags(flags: Sequence[str]) -> dict[str, str]:
+def given_flags(flags: Sequence[str]) -> dict[str, str]:
     """Check the flags of a command line, as `sort_arguments` gives them.
 
     Returns

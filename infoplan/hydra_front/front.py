@@ -27,7 +27,7 @@ from infoplan.errors import RunError, UsageError
 from infoplan.files import user_path
 from infoplan.hydra_front.compose import LOCK, register, version_base
 from infoplan.hydra_front.explain import explained
-from infoplan.hydra_front.flags import check_flags, sort_arguments
+from infoplan.hydra_front.flags import given_flags, sort_arguments
 from infoplan.hydra_front.jobs import Act, begin, task_of
 from infoplan.hydra_front.launchers import WatchedLauncher, register_launcher
 from infoplan.hydra_front.overrides import combinations, is_multirun, readable, values_of
@@ -57,7 +57,7 @@ def compose_and(act: Act, arguments: list[str]) -> int:
         If the command line is wrong.
     """
     flags, overrides = sort_arguments(arguments)
-    given = check_flags(flags)
+    given = given_flags(flags)
     if "--shell-completion" not in given:
         overrides = readable(overrides, several=is_multirun(flags, overrides))
         if is_multirun(flags, overrides):
@@ -91,7 +91,7 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     return max((status for status in now.statuses if isinstance(status, int)), default=0)
 
 
-def complete(incomplete: str) -> list[str]:
+def complete_word(incomplete: str) -> list[str]:
     """Complete a word of ``infoplan run`` that is Hydra's own, like ``hydra/launcher=``."""
     line = f"infoplan {incomplete}"
     told = io.StringIO()

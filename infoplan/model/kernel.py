@@ -6,6 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from infoplan.errors import UsageError
+from infoplan.tables import TABLES
+
+TAKEN = {"run", *TABLES["curves"].columns} - {"lengthscale_1", "lengthscale_2"}
+"""Columns of the curves that are no hyperparameter of a kernel."""
+
 
 @dataclass(frozen=True)
 class Hyperparameter:
@@ -42,7 +48,8 @@ class Kernel:
     Attributes
     ----------
     hyperparameters
-        In the order of their logarithms in `theta`, at least one.
+        In the order of their logarithms in `theta`, at least one; their names differ, and are those
+        of no other column of the curves.
     constants
         Maps the logarithms, shape (k,), to a tuple of floats.
     correlation
@@ -60,3 +67,11 @@ class Kernel:
     correlation: Callable[..., float]
     gradient: Callable[..., tuple[float, ...]]
     reference: Callable[[Mapping[str, float]], Any]
+
+    def __post_init__(self) -> None:
+        names = [one.name for one in self.hyperparameters]
+        if wrong := [name for name in names if name in TAKEN or names.count(name) > 1]:
+            raise UsageError(
+                f"a kernel's hyperparameter {wrong[0]!r} cannot have that name, which another "
+                "column of the curves has: give it another"
+            )

@@ -37,12 +37,12 @@ def explore_again(
         After the pilot and after each epoch.
     """
     truth = maps["truth"].to_numpy(dtype=np.float64)
-    source = StoredSource(as_samples(samples), checked_extent(config.terrain.extent), truth)
+    source = StoredSource(stored_samples(samples), checked_extent(config.terrain.extent), truth)
     # A planner of the user's own need not be there any more.
     return explore(replace(config, planner=stand_in(config), budget=len(samples)), source, seed)
 
 
-def as_samples(table: pd.DataFrame) -> Samples:
+def stored_samples(table: pd.DataFrame) -> Samples:
     """Read the table of samples."""
     return Samples(
         x=table[["x1", "x2"]].to_numpy(dtype=np.float64),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.errors import UsageError
+from infoplan.options import plain_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -151,8 +152,9 @@ def check_elevations(elevation: Floats, what: str) -> None:
     if max(-low, high) > MAX_ELEVATION:
         extreme = low if -low > high else high
         raise UsageError(
-            f"the map in {what} has an elevation of {plain(extreme)}, beyond {MAX_ELEVATION:g}: "
-            "correct it, or mark it as missing (terrain.nodata=<number> does it for a file)"
+            f"the map in {what} has an elevation of {plain_number(extreme)}, beyond "
+            f"{MAX_ELEVATION:g}: correct it, or mark it as missing (terrain.nodata=<number> does "
+            "it for a file)"
         )
 
 
@@ -167,12 +169,6 @@ def check_missing(missing: int, nodes: int, what: str) -> None:
             f"the map in {what} has {missing} nodes that are missing, NaN or infinite: fill them "
             "first, every elevation must be finite (terrain.nodata=fill does it for a file)"
         )
-
-
-def plain(number: float) -> str:
-    """Write a number as short as it can be typed."""
-    short = f"{number:g}"
-    return short if float(short) == number else repr(float(number))
 
 
 def marked(elevation: Floats, number: float) -> Floats:

@@ -24,7 +24,7 @@ from infoplan.config import (
 from infoplan.errors import RunError, UsageError
 from infoplan.extent import checked_extent
 from infoplan.files import user_path
-from infoplan.options import check_options
+from infoplan.options import check_options, plain_number
 from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volcano
 from infoplan.terrain.grids import Ends, Floats, Grid
 from infoplan.terrain.random_field import random_field
@@ -57,7 +57,7 @@ class TerrainValueWarning(UserWarning):
 
 
 @dataclass
-class Source:
+class FoundMap:
     """A map as it was found: its name, its nodes, the digest of its bytes, what was done to it."""
 
     name: str
@@ -159,23 +159,23 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _built_in(config: TerrainConfig) -> Source:
+def _built_in(config: TerrainConfig) -> FoundMap:
     surface, unit = BUILT_IN[config.name]
     elevation = surface()
-    return Source(config.name, Grid(elevation, unit), array_digest(elevation))
+    return FoundMap(config.name, Grid(elevation, unit), array_digest(elevation))
 
 
-def _helens(config: HelensConfig) -> Source:
+def _helens(config: HelensConfig) -> FoundMap:
     location = None if config.path is None else user_path(config.path)
     try:
         file = helens.find_helens(location) or helens.fetch_helens()
     except RunError as error:
         _refuse_or_warn(error, config.on_missing)
         return _built_in(TerrainConfig("volcano"))
-    return Source("helens", Grid(helens.read_helens(file), helens.UNIT), helens.SHA256)
+    return FoundMap("helens", Grid(helens.read_helens(file), helens.UNIT), helens.SHA256)
 
 
-def _file(config: FileConfig) -> Source:
+def _file(config: FileConfig) -> FoundMap:
     if config.path is None:
         raise UsageError("terrain=file needs terrain.path: give the file with the map")
     path, what = user_path(config.path), harmless(config.path)
@@ -193,11 +193,11 @@ def _file(config: FileConfig) -> Source:
         if mark is not None:
             marked = grids.marked(grid.elevation, mark)
             if marked is grid.elevation:
-                concerns.append(f"terrain.nodata={grids.plain(mark)} marks no node of {what}")
+                concerns.append(f"terrain.nodata={plain_number(mark)} marks no node of {what}")
             grid = replace(grid, elevation=marked)
         ends.see(grid.elevation)
     if lone := ends.lone():
-        value, low, high = grids.plain(lone[0]), figure(lone[1]), figure(lone[2])
+        value, low, high = plain_number(lone[0]), figure(lone[1]), figure(lone[2])
         concerns.append(
             f"an elevation of {what}, {value}, is far from all others, {low} to {high}: if it "
             f"marks missing ones, terrain.nodata={value} fills them; if it is right, go on"
@@ -215,7 +215,7 @@ def _file(config: FileConfig) -> Source:
     grids.check_elevations(grid.elevation, what)
     for concern in concerns:
         warnings.warn(concern, TerrainValueWarning, stacklevel=4)
-    return Source(files.terrain_name(path), grid, found.sha256, changes)
+    return FoundMap(files.terrain_name(path), grid, found.sha256, changes)
 
 
 def _mark(nodata: Any) -> float | None:
@@ -230,7 +230,7 @@ def _mark(nodata: Any) -> float | None:
     return float(nodata)
 
 
-def _random_field(config: RandomFieldConfig) -> Source:
+def _random_field(config: RandomFieldConfig) -> FoundMap:
     xmin, xmax, ymin, ymax = config.extent
     elevation = random_field(
         config.seed,
@@ -246,10 +246,10 @@ def _random_field(config: RandomFieldConfig) -> Source:
         f"terrain.amplitude={config.amplitude:g} and terrain.mean={config.mean:g}",
     )
     # Its numbers are in whatever unit is named: nothing is converted.
-    return Source(f"random_field-seed{config.seed}", Grid(elevation), array_digest(elevation))
+    return FoundMap(f"random_field-seed{config.seed}", Grid(elevation), array_digest(elevation))
 
 
-def _own(config: OwnTerrainConfig) -> Source:
+def _own(config: OwnTerrainConfig) -> FoundMap:
     if config.function is None:
         raise UsageError(
             "terrain=own needs terrain.function: give module.function, which returns the elevations"
@@ -257,10 +257,10 @@ def _own(config: OwnTerrainConfig) -> Source:
     grid = own.make(config.function, config.options)
     grids.check_elevations(grid.elevation, f"what {config.function} returns")
     name = re.sub(r"\W+", "-", config.function.rpartition(".")[2], flags=re.ASCII).strip("-")
-    return Source(f"own-{name or 'map'}", grid, array_digest(grid.elevation))
+    return FoundMap(f"own-{name or 'map'}", grid, array_digest(grid.elevation))
 
 
-SOURCES: dict[str, Callable[[Any], Source]] = {
+SOURCES: dict[str, Callable[[Any], FoundMap]] = {
     "helens": _helens,
     "volcano": _built_in,
     "jacksboro": _built_in,

@@ -26,7 +26,7 @@ MISSING = re.compile(r"[+-]?nan", re.IGNORECASE)
 
 HELP = "give a line a row, all with the same number of numbers (a missing one is nan)"
 
-Line = tuple[int, str]
+NumberedLine = tuple[int, str]
 """A line of a text and its number, from 1."""
 
 
@@ -118,7 +118,7 @@ def _decodes(content: bytes, encoding: str) -> bool:
     return True
 
 
-def _rows(content: bytes, encoding: str) -> Iterator[Line]:
+def _rows(content: bytes, encoding: str) -> Iterator[NumberedLine]:
     """Go through the lines that hold something, numbered as in an editor."""
     stream = io.TextIOWrapper(io.BytesIO(content), encoding=encoding)
     for number, line in enumerate(stream, 1):
@@ -153,7 +153,7 @@ def _cells(line: str, delimiter: str | None) -> Iterator[tuple[int, str]]:
         start = end + 1 if end >= 0 else -1
 
 
-def _fault(rows: Iterator[Line], delimiter: str | None, what: str) -> str:
+def _fault(rows: Iterator[NumberedLine], delimiter: str | None, what: str) -> str:
     """Say what the first fault of a text is, and where."""
     columns = first = 0
     for number, line in rows:

@@ -1,6 +1,7 @@
 """The leaderboard: areas and intervals by hand, what counts, and the command."""
 
 import json
+from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,7 +15,10 @@ from scipy.stats import bootstrap
 
 from infoplan.analyse.leaderboard import rank
 from infoplan.cli import main
+from infoplan.config import METHODS as METHODS_BY_GROUP
+from infoplan.config import FaultConfig
 from infoplan.errors import UsageError
+from infoplan.options import option
 from infoplan.study.columns import values_digest
 from infoplan.study.store import sealed
 
@@ -56,7 +60,7 @@ def results(tmp_path_factory) -> Path:
 def test_scores_are_areas_over_deviations(results):
     board = rank(results)
     names = [standing.method for standing in board.standings]
-    assert names == ["puct-copod-gp-batch", "uct-copod-gp-batch", "uct-none-gp-batch"]
+    assert names == ["PUCT-COPOD", "UCT-COPOD", "UCT-NONE"]
     for standing, method in zip(board.standings, METHODS[::-1], strict=True):
         areas = np.array([[[area(method, t, r, s) for s in SEEDS] for r in RHOS] for t in MAPS])
         assert standing.score.mean == pytest.approx(areas.mean())
@@ -123,11 +127,11 @@ def test_a_method_that_lacks_a_map_is_not_ranked_and_named(tmp_path):
     board = rank(tmp_path)
     assert len(board.standings) == 3
     told = " / ".join(board.notes)
-    assert "puct-none-gp-batch is not ranked: it lacks helens rho 0, volcano rho 0" in told
+    assert "PUCT-NONE is not ranked: it lacks helens rho 0, volcano rho 0" in told
     assert "helens rho 0.3 does not count" in told
     assert "1 mission with other settings than budget=600 is left out" in told
     chosen = rank(tmp_path, {"terrain": "helens", "rho": 0.2, "seed": 0})
-    assert chosen.standings[0].method == "puct-none-gp-batch"
+    assert chosen.standings[0].method == "PUCT-NONE"
     assert chosen.missions == 4
 
 
@@ -144,9 +148,64 @@ def test_methods_of_one_name_are_told_apart_by_their_options(tmp_path):
     for rho in RHOS:
         store(tmp_path, "uct-copod", rho, collected=COLLECTED, detector__contamination=0.2)
     names = {standing.method for standing in rank(tmp_path).standings}
-    assert "uct-copod-gp-batch detector.contamination=0.2" in names
-    assert "uct-copod-gp-batch detector.contamination=0.1" in names
-    assert "uct-none-gp-batch" in names
+    assert "UCT-COPOD detector.contamination=0.2" in names
+    assert "UCT-COPOD detector.contamination=0.1" in names
+    assert "UCT-NONE" in names
+
+
+def test_a_scope_is_told_by_the_label_where_it_is_not_batch(tmp_path):
+    fill(tmp_path, terrains=["helens"], seeds=[0])
+    for rho in RHOS:
+        store(tmp_path, "uct-copod", rho, "historical", collected=COLLECTED)
+    names = {standing.method for standing in rank(tmp_path).standings}
+    assert names == {"UCT-NONE", "UCT-COPOD", "UCT-COPOD historical", "PUCT-COPOD"}
+
+
+@dataclass
+class StuckConfig(FaultConfig):
+    name: str = option("stuck", "fault", choices=("stuck",))
+    length: int = option(5, "samples that it holds", at_least=1)
+
+
+def test_a_fault_is_a_condition_and_not_averaged_into_another(tmp_path, monkeypatch):
+    monkeypatch.setitem(METHODS_BY_GROUP["fault"], "stuck", StuckConfig())
+    stuck = {"name": "stuck", "length": 5}
+    methods = ("uct-none", "uct-copod")
+    for seed in (0, 1):
+        for method, level in zip(methods, (80, 60), strict=True):
+            store(tmp_path, method, seed=seed, collected=COLLECTED, rmse=[level] * 4)
+            store(tmp_path, method, seed=seed, collected=COLLECTED, rmse=[3 * level] * 4,
+                  fault=stuck)  # fmt: skip
+    store(tmp_path, "uct-copod", collected=COLLECTED, fault=stuck | {"length": 7})
+    store(tmp_path, "puct-copod", collected=COLLECTED)
+    board = rank(tmp_path)
+    assert [standing.method for standing in board.standings] == ["UCT-COPOD", "UCT-NONE"]
+    assert board.faults == ("spike", "stuck fault.length=5")
+    assert board.standings[0].by_fault == pytest.approx({"spike": 0.6, "stuck fault.length=5": 1.8})
+    assert board.standings[1].score.mean == pytest.approx(1.6)
+    assert board.missions == 8
+    assert main(["leaderboard", "--markdown", "fault=spike", f"results_dir={tmp_path}"]) == 0
+
+
+def test_settings_of_a_fault_are_conditions_of_their_own(tmp_path):
+    for method in ("uct-none", "uct-copod", "puct-copod"):
+        store(tmp_path, method, collected=COLLECTED)
+    store(tmp_path, "uct-copod", collected=COLLECTED, fault__count="floor")
+    board = rank(tmp_path)
+    assert board.missions == 3
+    assert board.notes == (
+        "helens spike fault.count=floor rho 0.1 does not count: most methods lack it",
+    )
+
+
+def test_a_rho_is_written_to_its_last_digit(tmp_path, capfd):
+    for method in ("uct-none", "uct-copod"):
+        for rho in (0.1234567, 0.3, 0.1 + 0.2):
+            store(tmp_path, method, rho, collected=COLLECTED)
+    assert main(["leaderboard", "--markdown", f"results_dir={tmp_path}"]) == 0
+    said = capfd.readouterr().out
+    assert "rho 0.1234567, 0.3, 0.30000000000000004;" in said
+    assert "| rho 0.1234567 | rho 0.3 | rho 0.30000000000000004 |" in said
 
 
 def test_replays_are_nobodys_method(tmp_path):
@@ -165,7 +224,14 @@ def test_replays_alone_are_nothing_to_rank(tmp_path):
 
 @pytest.mark.parametrize(
     ("filters", "words"),
-    [({"rho": 0.7}, "no finished mission with rho=0.7"), ({"planner": "puct"}, "no two methods")],
+    [
+        ({"rho": 0.7}, r"no finished mission with rho=0\.7: there is rho=0\.0 or 0\.2$"),
+        (
+            {"terrain": ["volcano"], "rho": [0.7, 1]},
+            r"with terrain=\[volcano\] rho=\[0\.7,1\]: there is terrain=helens or jacks.*; rho",
+        ),
+        ({"planner": "puct"}, "no two methods"),
+    ],
 )
 def test_nothing_to_rank_is_one_sentence(results, filters, words):
     with pytest.raises(UsageError, match=words):
@@ -218,8 +284,11 @@ def test_the_command_filters_and_refuses(results, tmp_path, capfd):
     assert main(["leaderboard", "terrain=[helens]", "rho=0.2", f"results_dir={results}"]) == 0
     said = capfd.readouterr().out
     assert "12 missions" in said
-    assert main(["leaderboard", f"results_dir={tmp_path}"]) == 2
-    assert "experiment=benchmark" in capfd.readouterr().err
+    empty = tmp_path / "nothing here"
+    empty.mkdir()
+    assert main(["leaderboard", f"results_dir={empty}", "rho=0.2"]) == 2
+    line = f"infoplan run -m experiment=benchmark 'results_dir={empty}'"
+    assert capfd.readouterr().err.rstrip().endswith(line)
     assert main(["leaderboard", "--html", "--markdown", f"results_dir={results}"]) == 2
     assert "not both" in capfd.readouterr().err
     assert main(["leaderboard", "rhoo=1", f"results_dir={results}"]) == 2

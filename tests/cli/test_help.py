@@ -11,7 +11,7 @@ import pytest
 from command import infoplan
 
 from infoplan.cli import main
-from infoplan.command_line import Command
+from infoplan.command_line.command import Command
 from infoplan.commands import FIGURES
 from infoplan.commands import infoplan as commands
 from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config

@@ -13,18 +13,10 @@ from PIL import Image
 from rich.console import Console
 
 from infoplan.cli import main
-from infoplan.draw.animate import (
-    animate,
-    choose_run,
-    difference_from_curve,
-    draw_pictures,
-    find_ffmpeg,
-    read_recording,
-    replay,
-    thinned,
-    write_gif,
-    write_mp4,
-)
+from infoplan.draw.animate import animate, thinned
+from infoplan.draw.moving_files import find_ffmpeg, write_gif, write_mp4
+from infoplan.draw.recording import difference_from_curve, read_recording, replay, run_to_show
+from infoplan.draw.scene import draw_pictures
 from infoplan.errors import RunError, UsageError
 from infoplan.study.store import table_path
 
@@ -38,7 +30,7 @@ def results(tmp_path_factory, volcano) -> Path:
 
 @pytest.fixture(scope="module")
 def name(results) -> str:
-    return choose_run(results, None)
+    return run_to_show(results, None)
 
 
 @pytest.fixture(scope="module")
@@ -155,17 +147,17 @@ def test_long_missions_skip_epochs(count, most, kept):
 
 
 def test_the_only_run_is_taken_else_the_papers(results, name, volcano, tmp_path):
-    assert choose_run(results, name) == name
-    assert choose_run(results, name.rsplit("-", 1)[1]) == name
+    assert run_to_show(results, name) == name
+    assert run_to_show(results, name.rsplit("-", 1)[1]) == name
     uct = store(tmp_path, short_mission("uct", "none"), volcano)
     best = store(tmp_path, short_mission("uct", "best"), volcano)
     with pytest.raises(UsageError, match=f"run={best} or run={uct}"):
-        choose_run(tmp_path, None)
+        run_to_show(tmp_path, None)
     paper = store(tmp_path, short_mission(), volcano)
-    assert choose_run(tmp_path, None) == paper
+    assert run_to_show(tmp_path, None) == paper
     twin = store(tmp_path, short_mission(budget=180), volcano)
     with pytest.raises(UsageError, match="say which") as raised:
-        choose_run(tmp_path, None)
+        run_to_show(tmp_path, None)
     assert paper in str(raised.value)
     assert twin in str(raised.value)
     assert uct not in str(raised.value)
@@ -173,9 +165,9 @@ def test_the_only_run_is_taken_else_the_papers(results, name, volcano, tmp_path)
 
 def test_what_is_not_stored_is_named(results, name, tmp_path):
     with pytest.raises(UsageError, match="no finished mission"):
-        choose_run(tmp_path, None)
+        run_to_show(tmp_path, None)
     with pytest.raises(UsageError, match=f"run=uct is not stored.*{name}"):
-        choose_run(results, "uct")
+        run_to_show(results, "uct")
     with pytest.raises(UsageError, match=r"no mission with seed=1: there is 0 .*3"):
         read_recording(results, name, 1)
 

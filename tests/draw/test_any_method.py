@@ -16,9 +16,10 @@ from rich.console import Console
 
 from infoplan.analyse import find_missions, find_study
 from infoplan.cli import main
-from infoplan.draw.animate import animate, choose_run, read_recording
+from infoplan.draw.animate import animate
 from infoplan.draw.fig5 import plotted_numbers
 from infoplan.draw.figures import NAMES, draw_figures
+from infoplan.draw.recording import read_recording, run_to_show
 from infoplan.draw.report import render
 from infoplan.method_identity import OTHERS, PAPERS, labels, looks, method_of
 
@@ -164,7 +165,7 @@ def test_the_papers_own_is_not_mistaken_when_a_run_is_chosen(tmp_path):
     made_methods.store(tmp_path, "puct", "copod", model="student_t")
     papers = made_methods.store(tmp_path, "puct", "copod")
     made_methods.store(tmp_path, "puct", "copod", replay="uct-none-x-0")
-    assert choose_run(tmp_path, None) == papers
+    assert run_to_show(tmp_path, None) == papers
 
 
 def test_a_note_blames_the_option_that_differs(tmp_path):
@@ -217,7 +218,7 @@ def test_swept_options_are_in_the_report(tmp_path):
 def test_labels_are_different_for_different_methods():
     def method(**names):
         flat = {"planner.name": "uct", "detector.name": "none", "model.name": "gp",
-                "fault.name": "spike"}  # fmt: skip
+                "fault.name": "spike", "detector.scope": "batch"}  # fmt: skip
         return method_of(flat | names)
 
     assert method().label == "UCT-NONE"

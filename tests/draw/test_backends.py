@@ -57,7 +57,7 @@ import os
 from pathlib import Path
 from infoplan.analyse import find_missions
 from infoplan.draw.report import render
-from infoplan.draw.animate import animate, read_recording
+from infoplan.draw.animate import animate
 from infoplan.draw.figures import draw_figures
 from infoplan.terrain import load_terrain
 from infoplan.detect.any_pyod import build

@@ -17,9 +17,11 @@ from rich.console import Console
 from infoplan.analyse import find_missions, find_study
 from infoplan.analyse.curves import drawable
 from infoplan.draw import style
-from infoplan.draw.animate import animate, read_recording
+from infoplan.draw.animate import animate
 from infoplan.draw.figures import draw_figures
+from infoplan.draw.recording import from_tables, read_recording
 from infoplan.draw.report import render
+from infoplan.draw.scene import Scene
 
 NASTY = ("<script>alert(1)</script>", "$x$", "</style>", "a\x1b[31mb\x00", "$\\frac{", "=1+1",
          "\u202eft", "m" * 300)  # fmt: skip
@@ -87,13 +89,11 @@ def test_small_errors_have_three_digits_everywhere(tmp_path):
 
 def drawn_texts(folder: Path) -> list[str]:
     """Titles of an animation's picture, as matplotlib is given them."""
-    from infoplan.draw import animate as module
-
     run = next(iter(find_missions(folder).options))
     recording = read_recording(folder, run, 0)
-    states = list(module.from_tables(recording))
+    states = list(from_tables(recording))
     with style.journal():
-        scene = module._Scene(states, recording)
+        scene = Scene(states, recording)
         scene.draw(states[-1])
     return [axes.get_title(loc="left") for axes in scene.figure.axes]
 
@@ -118,11 +118,11 @@ def test_any_unit_is_inert_in_pictures_and_tables(text, tmp_path):
 def test_pictures_show_text_as_it_is(text):
     with style.journal():
         figure = style.new_figure(3.0, 2.0)
-        shown = figure.text(0, 0, style.plain(text))
+        shown = figure.text(0, 0, style.inert(text))
         assert not mpl.cbook.is_math_text(shown.get_text()) or "$" not in text
         figure.canvas.draw()
-    assert "$x$" not in style.plain(text)
-    assert len(style.plain(text)) <= style.LONGEST + text.count("$")
+    assert "$x$" not in style.inert(text)
+    assert len(style.inert(text)) <= style.LONGEST + text.count("$")
 
 
 def test_a_cell_of_a_csv_is_no_formula(tmp_path):

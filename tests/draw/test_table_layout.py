@@ -11,14 +11,14 @@ from rich.console import Console
 from rich.text import Text
 
 from infoplan.draw.console import UNLIMITED, PlainConsole, say, say_command
-from infoplan.draw.table_layout import WHOLE, Column, print_table
+from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 
 COLUMNS = [
-    Column("run", least=WHOLE),
-    Column("planner.exploration", right=True),
-    Column("curve", drawn=True, spare=1),
-    Column("at 500", right=True),
-    Column("false alarms", right=True, spare=2),
+    TextColumn("run", least=WHOLE),
+    TextColumn("planner.exploration", right=True),
+    TextColumn("curve", drawn=True, spare=1),
+    TextColumn("at 500", right=True),
+    TextColumn("false alarms", right=True, spare=2),
 ]
 ROWS = [
     ["uct none batch\nab12", "0.5", "* *\n * ", "1125\n[1001, 1250]", "17.5"],
@@ -100,7 +100,7 @@ def test_a_field_that_cannot_stand_beside_its_title_stands_below():
 )
 def test_no_number_is_ever_cut(rows, width, spare):
     titles = ["run", "planner.exploration", "at 500", "false alarms"]
-    columns = [Column(title, spare=spare[k] if k else 0) for k, title in enumerate(titles)]
+    columns = [TextColumn(title, spare=spare[k] if k else 0) for k, title in enumerate(titles)]
     said = printed(width, columns, rows)
     assert not too_long(said, width)
     flat = " ".join(said.split())
@@ -114,21 +114,21 @@ def test_no_number_is_ever_cut(rows, width, spare):
 
 def test_encodings_without_lines_get_plain_ones():
     for encoding in ("ascii", "latin-1"):
-        said = printed(UNLIMITED, [Column("±ü漢")], [["±ü漢"]], encoding=encoding)
+        said = printed(UNLIMITED, [TextColumn("±ü漢")], [["±ü漢"]], encoding=encoding)
         assert "---" in said
         assert "\\u6f22" in said
     assert "---" not in printed(UNLIMITED)
 
 
 def test_cells_are_text_and_their_control_characters_are_seen():
-    said = printed(UNLIMITED, [Column("[b]x[/b]")], [["[red]a[/x]\x1b[31m\r:smile:"]])
+    said = printed(UNLIMITED, [TextColumn("[b]x[/b]")], [["[red]a[/x]\x1b[31m\r:smile:"]])
     assert "[b]x[/b]" in said
     assert r"[red]a[/x]\x1b[31m\r:smile:" in said
     assert "\x1b" not in said
 
 
 def test_wide_characters_count_twice():
-    said = printed(34, [Column("a"), Column("b")], [["漢字漢字漢字漢字", "12345 67890"]])
+    said = printed(34, [TextColumn("a"), TextColumn("b")], [["漢字漢字漢字漢字", "12345 67890"]])
     assert not too_long(said, 34)
     assert "12345 67890" in said
 

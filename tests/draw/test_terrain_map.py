@@ -75,7 +75,7 @@ def test_a_map_of_few_nodes_is_not_thinned(shape):
     small = Terrain("small", elevation, (0.0, 399.0, 0.0, 399.0), "m", "0" * 64)
     local = local_relief(elevation, small.extent)
     assert described(small)["relief"].endswith(f"within 2 units {np.median(local):.0f} m (median)")
-    np.testing.assert_array_equal(terrain_map.thinned(small), elevation)
+    np.testing.assert_array_equal(terrain_map.coarsened(small), elevation)
 
 
 def test_picture_with_the_pilot_path(volcano, tmp_path):

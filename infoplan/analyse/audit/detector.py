@@ -5,7 +5,7 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter
 
 from infoplan.analyse.audit import repeat
-from infoplan.analyse.audit.model import noise_factor, reference_kernel, scaled_samples, spans
+from infoplan.analyse.audit.model import noise_factor, reference_kernel, scaled_samples
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
@@ -17,6 +17,7 @@ from infoplan.analyse.audit.stored import (
     demand_close,
 )
 from infoplan.backend import load_matplotlib
+from infoplan.wording import spans
 
 LARGEST_PARAMETER = 100_000
 """Numbers in the parameters of a detector of PyOD above which it is not repeated."""

@@ -54,6 +54,7 @@ from infoplan.analyse.audit.tables import (
 from infoplan.errors import UsageError
 from infoplan.study.run_names import choose_run
 from infoplan.study.store import list_missions
+from infoplan.text_options import as_command
 from infoplan.wording import harmless
 
 CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
@@ -153,7 +154,7 @@ def audit(
     if not stored:
         raise UsageError(
             f"results_dir={results_dir} holds no finished mission to audit: fly one with "
-            "infoplan run, or name the folder that holds curves/"
+            f"{as_command('infoplan run', results_dir)}, or name the folder that holds curves/"
         )
     runs = sorted({name for name, _ in stored})
     if run is not None:

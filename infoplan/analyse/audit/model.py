@@ -1,6 +1,5 @@
 """Checks of what the model predicts: hyperparameters, scores, the final and earlier models."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from infoplan.analyse.audit.stored import (
 )
 from infoplan.model.kernels import as_kernel
 from infoplan.model.theta import names_of
+from infoplan.wording import spans
 
 PRECISION = {"float64": 1e-6, "float32": 3e-3}
 """Relative difference allowed to a prediction, by the precision of the model's matrices."""
@@ -45,7 +45,7 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
     if absent := [name for name in names if name not in curves]:
         raise FaultError(f"the curves have no column {absent[0]}")
     demand(
-        (curves[names] > 0).all(axis=1).to_numpy(),
+        ((curves[names] > 0) & (curves[names] < np.inf)).all(axis=1).to_numpy(),
         lambda e: f"a hyperparameter of epoch {e} is not positive",
     )
     demand(
@@ -276,12 +276,3 @@ def _chosen(epochs: Epochs, last: int) -> list[int]:
     if isinstance(epochs, int):
         return sorted({last * i // epochs for i in range(epochs)})
     return [row for row in range(last) if row in epochs]
-
-
-def spans(numbers: Iterable[int]) -> str:
-    """Write numbers shortly, runs of them as ``0-9``."""
-    listed = sorted(numbers)
-    starts = [n for n in listed if n - 1 not in listed]
-    ends = [n for n in listed if n + 1 not in listed]
-    pairs = zip(starts, ends, strict=True)
-    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in pairs)

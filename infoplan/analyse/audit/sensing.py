@@ -1,4 +1,7 @@
-"""Checks of what the sensor said: truth, noise, number and size of the spikes."""
+"""Checks of what the sensor said: truth, noise, number and size of the spikes.
+
+Spikes alone are described here once more; what another fault does is told as not recomputed.
+"""
 
 import math
 
@@ -43,7 +46,7 @@ def check_truth(mission: StoredMission) -> str | Partial:
 
 
 def check_sensor(mission: StoredMission) -> str:
-    """Check that measurements without a spike are the truth plus the sensor's Gaussian noise."""
+    """Check that measurements but for outliers are the truth plus the sensor's Gaussian noise."""
     sigma = float(mission.option("sensor.noise_std"))
     clean = np.flatnonzero(~mission.samples["is_outlier"].to_numpy())
     noise = (mission.samples["measured"] - mission.samples["truth"]).to_numpy()[clean]
@@ -52,7 +55,7 @@ def check_sensor(mission: StoredMission) -> str:
     reach = stats.norm.isf(CHANCE / 2 / n) * sigma + mission.elevation_tolerance
     demand(
         np.abs(noise) <= reach,
-        lambda i: f"{mission.place(clean[i])} is {noise[i]:.3g} off the truth without a spike",
+        lambda i: f"{mission.place(clean[i])} is {noise[i]:.3g} off the truth and no outlier",
     )
     mean, std = float(noise.mean()), float(np.sqrt(np.mean(noise**2)))
     if not abs(mean) <= stats.norm.isf(CHANCE / 2) * sigma / math.sqrt(n) + reach * ROUNDING:
@@ -68,15 +71,23 @@ def _spiked_epochs(mission: StoredMission) -> range:
     return range(0 if mission.option("pilot.outliers") else 1, len(mission.curves))
 
 
-def check_spike_count(mission: StoredMission) -> str:
+def _another_fault(mission: StoredMission) -> Partial | None:
+    """Tell that the sensor had another fault than spikes, if it had."""
+    name = mission.option("fault.name")
+    return None if name == "spike" else Partial("", f"the fault {name}")
+
+
+def check_spike_count(mission: StoredMission) -> str | Partial:
     """Check that as many samples of each batch are spikes as rho and the rule of counting say."""
-    rho, rule = float(mission.option("rho")), mission.option("fault.count")
     spiked = mission.samples["is_outlier"].to_numpy()
     if not mission.option("pilot.outliers"):
         demand(
             ~spiked[mission.epoch == 0],
-            lambda i: f"{mission.place(i)} is a spike, but the pilot has none",
+            lambda i: f"{mission.place(i)} is an outlier, but the pilot has none",
         )
+    if another := _another_fault(mission):
+        return another
+    rho, rule = float(mission.option("rho")), mission.option("fault.count")
     sizes = {e: int(np.sum(mission.epoch == e)) for e in _spiked_epochs(mission)}
     for e, n in sizes.items():
         count = int(np.sum(spiked[mission.epoch == e]))
@@ -129,8 +140,10 @@ def _spikes(mission: StoredMission) -> pd.DataFrame:
     ).astype({"sample": np.int64})
 
 
-def check_spike_size(mission: StoredMission) -> str:
+def check_spike_size(mission: StoredMission) -> str | Partial:
     """Check that each spike is as high as an amplitude within its bounds makes it."""
+    if another := _another_fault(mission):
+        return another
     smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
     reach = SIGMAS * float(mission.option("sensor.noise_std")) + mission.elevation_tolerance
     spikes = _spikes(mission)
@@ -149,8 +162,10 @@ def check_spike_size(mission: StoredMission) -> str:
     return f"{len(spikes)} spikes from {size.min():.4g} to {size.max():.4g}"
 
 
-def check_spike_draws(mission: StoredMission) -> str:
+def check_spike_draws(mission: StoredMission) -> str | Partial:
     """Check that amplitudes are uniform, signs and places in the batch even."""
+    if another := _another_fault(mission):
+        return another
     smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
     reach = SIGMAS * float(mission.option("sensor.noise_std"))
     spikes = _spikes(mission)
