@@ -1,11 +1,20 @@
 """Checks of what was flagged: scores, flags, confusion counts, outlier density."""
 
+from itertools import repeat as repeat_forever
+from typing import Any
+
 import numpy as np
 from scipy import stats
 from scipy.ndimage import gaussian_filter
 
-from infoplan.analyse.audit import repeat
-from infoplan.analyse.audit.model import noise_factor, reference_kernel, scaled_samples
+from infoplan.analyse.audit import neighbours, repeat
+from infoplan.analyse.audit.model import (
+    neighbourhoods,
+    noise_factor,
+    reference_kernel,
+    scaled_samples,
+)
+from infoplan.analyse.audit.neighbours import Integers, Neighbourhood
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
@@ -45,11 +54,15 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     historical = mission.option("detector.scope") == "historical"
     scores, flags = np.full(mission.n_pilot, np.nan), np.zeros(mission.n_pilot, dtype=bool)
     judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
+    has_neighbours = mission.option("model.name") == "vecchia"
+    taught = neighbourhoods(mission, judgements) if has_neighbours else repeat_forever(None)
     for e in range(1, len(mission.curves)):
         n = int(np.sum(mission.epoch <= e))
         kept = 0 if historical else len(scores)
         accepted = np.append(~flags[:kept], np.ones(n - kept, dtype=bool))
-        new_scores, new_flags = _judge(mission, e, accepted, np.arange(n) >= kept)
+        new_scores, new_flags = _judge(
+            mission, e, accepted, np.arange(n) >= kept, np.flatnonzero(~flags), next(taught)
+        )
         scores = np.concatenate([scores[:kept], new_scores[kept:]])
         flags = np.concatenate([flags[:kept], new_flags[kept:]])
         judgements.append((scores, flags))
@@ -81,7 +94,12 @@ def _is_tame(mission: StoredMission) -> bool:
 
 
 def _judge(
-    mission: StoredMission, epoch: int, candidates: Booleans, judged: Booleans
+    mission: StoredMission,
+    epoch: int,
+    candidates: Booleans,
+    judged: Booleans,
+    held: Integers,
+    neighbourhood: Neighbourhood,
 ) -> tuple[Floats, Booleans]:
     """Judge the samples collected by the end of an epoch.
 
@@ -93,6 +111,8 @@ def _judge(
         What the model holds unless it is flagged now, shape (n,).
     judged
         Whose judgement counts, shape (n,).
+    held, neighbourhood
+        Numbers of the samples that the model holds, and, if it has such, their blocks.
 
     Returns
     -------
@@ -111,11 +131,19 @@ def _judge(
         x, y = scaled_samples(mission)
         state = mission.curves.iloc[epoch - 1]  # the model has not seen the batch
         noise = state["noise_std"] ** 2 * noise_factor(mission) + state["jitter"]
-        return repeat.gp_residuals(
-            x[:n], y[:n], reference_kernel(mission, state), noise, candidates, judged,
+        common = (x[:n], y[:n], reference_kernel(mission, state), noise, candidates, judged)
+        residual, covariance = (
+            _by_neighbours(mission, *common, held, *neighbourhood)
+            if neighbourhood
+            else repeat.given_the_rest(*common)
+        )
+        scores, flags = np.full(n, np.nan), np.zeros(n, dtype=bool)
+        scores[judged], flags[judged] = repeat.leave_one_out(
+            residual, covariance,
             float(mission.option("detector.threshold")),
             bool(mission.option("detector.one_by_one")),
         )  # fmt: skip
+        return scores, flags
     if name.startswith("pyod_"):
         columns = {"x1": "x1", "x2": "x2", "y": "measured"}
         features = [columns[feature] for feature in mission.option("detector.features")]
@@ -128,6 +156,28 @@ def _judge(
         )
     outlier = mission.samples["is_outlier"].to_numpy()[:n]
     return np.full(n, np.nan), outlier if name == "best" else np.zeros(n, dtype=bool)
+
+
+def _by_neighbours(
+    mission: StoredMission,
+    x: Floats,
+    y: Floats,
+    kernel: Any,
+    noise: float,
+    candidates: Booleans,
+    judged: Booleans,
+    held: Integers,
+    blocks: neighbours.Blocks,
+    units: Floats,
+) -> tuple[Floats, Floats]:
+    """Do as `repeat.given_the_rest` in the distribution that the blocks of a model make."""
+    blocks = neighbours.taught(
+        x, held, blocks, np.flatnonzero(candidates), units, int(mission.option("model.block")),
+        int(mission.option("model.neighbours")), str(mission.option("model.ordering")),
+    )  # fmt: skip
+    weights, precision = neighbours.information(x, y, kernel, noise, blocks, np.flatnonzero(judged))
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return covariance @ weights, covariance
 
 
 def _stored_judgements(mission: StoredMission) -> list[tuple[Floats, Booleans] | None]:

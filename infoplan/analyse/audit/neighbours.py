@@ -16,7 +16,10 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 Blocks = list[tuple[Integers, Integers]]
-"""Samples that are given, the nearest first, and those of the block, in the order of conditioning."""
+"""Samples that are given, the nearest first, and those of the block; blocks in their order."""
+
+Neighbourhood = tuple[Blocks, Floats] | None
+"""Blocks, and the units in which distances count, shape (2,); None: not known."""
 
 GROUP = 25
 """Places that are predicted from the same samples."""
@@ -32,7 +35,7 @@ def follow(
     size: int,
     neighbours: int,
     ordering: str,
-) -> Iterator[tuple[Blocks, Floats] | None]:
+) -> Iterator[Neighbourhood]:
     """Go through the epochs of a mission.
 
     Parameters
@@ -51,7 +54,8 @@ def follow(
     blocks, units : list of pairs, ndarray of shape (2,)
         After each epoch; None from the first on whose samples are not known.
     """
-    before, blocks, units = np.empty(0, dtype=int), [], np.ones(2)
+    before, units = np.empty(0, dtype=int), np.ones(2)
+    blocks: Blocks = []
     for numbers, learned in zip(held, lengthscales, strict=False):
         if numbers is None:
             break
@@ -83,7 +87,9 @@ def taught(
     places = x / units
     new = [numbers[old:][part] for part in cut(places[numbers[old:]], size)]
     if ordering == "maxmin":
-        new = [new[b] for b in _farthest_first(np.array([places[part].mean(axis=0) for part in new]))]
+        new = [
+            new[b] for b in _farthest_first(np.array([places[part].mean(axis=0) for part in new]))
+        ]
     elif ordering == "random":
         new = [new[b] for b in np.random.default_rng(0).permutation(len(new))]
     blocks = list(blocks)

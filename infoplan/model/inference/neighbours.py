@@ -146,7 +146,7 @@ def extended(before: Blocks, new: list[Integers], x: np.ndarray) -> Blocks:
     return Blocks(members, starts, np.concatenate([before.neighbours, found]))
 
 
-@kernel(fastmath={"contract", "nsz"})
+@kernel()  # without fast mathematics: which of two is nearer must not depend on the processor
 def find_neighbours(
     x: np.ndarray, places: np.ndarray, starts: np.ndarray, available: np.ndarray, out: np.ndarray
 ) -> None:
