@@ -259,7 +259,7 @@ def _frames(
     config: MissionConfig, terrain: Terrain, seed: int, rows: "Sequence[CurveRow]", last: State
 ) -> Frames:
     from infoplan.study.identity import Run
-    from infoplan.study.store import build_tables
+    from infoplan.study.mission_tables import build_tables
 
     run = Run("", config, terrain, {})  # tables that are not stored need no name
     tables = build_tables(run, seed, rows, last)

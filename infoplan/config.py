@@ -491,7 +491,7 @@ class PilotConfig:
     samples: int = option(100, "samples along the curve", at_least=3)
     outliers: bool = option(False, "the sensor's fault spoils the pilot samples, too")
     control_points: list[list[float]] = option(
-        [
+        [  # around the workspace and back to its middle (paper's Fig. 4 (a))
             [0.25, 0.0],
             [0.0, 0.0],
             [0.0, 0.25],

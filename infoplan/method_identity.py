@@ -132,6 +132,12 @@ PAPERS: dict[str, Look] = {
 }
 """The paper's methods, and both that complete them (Okabe and Ito's palette)."""
 
+PAPERS_CHOICES = {
+    f"{planner}-{detector}".upper(): (planner, detector)
+    for planner, detector in product(("uct", "puct"), ("none", "best", "copod"))
+}
+"""Planner and detector of each of them."""
+
 OTHERS = (
     "#551302", "#210784", "#73474C", "#A664FE", "#032EBB", "#4A2F4C", "#88647F", "#B44E32",
     "#932F11", "#5E4784", "#77AF76", "#653BD6", "#361E57", "#591F97", "#D696C6", "#7F8ACC",

@@ -16,28 +16,6 @@ from infoplan.errors import UsageError
 TWO_PI = 2.0 * math.pi
 TURN_ON_THE_SPOT = math.pi / 8.0
 
-# Around the workspace and back to its middle, as fractions of the extent (paper's Fig. 4 (a)).
-PILOT_CONTROL_POINTS: tuple[tuple[float, float], ...] = (
-    (0.25, 0.0),
-    (0.0, 0.0),
-    (0.0, 0.25),
-    (0.0, 0.5),
-    (0.0, 0.75),
-    (0.0, 1.0),
-    (0.25, 1.0),
-    (0.5, 1.0),
-    (0.75, 1.0),
-    (1.0, 1.0),
-    (1.0, 0.75),
-    (1.0, 0.5),
-    (1.0, 0.25),
-    (1.0, 0.0),
-    (0.75, 0.0),
-    (0.5, 0.0),
-    (0.5, 0.25),
-    (0.5, 0.5),
-)
-
 
 @kernel()
 def wrap(angle: float) -> float:

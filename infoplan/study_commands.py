@@ -11,8 +11,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from infoplan.analyse.configurations import stored_options
 from infoplan.analyse.status import Status, look, look_at_all
-from infoplan.analyse.tables import stored_options
 from infoplan.config import Config
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener

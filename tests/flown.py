@@ -17,8 +17,9 @@ from infoplan.mission import explore
 from infoplan.scoring import State
 from infoplan.simulator import Simulator
 from infoplan.study.identity import Run, identify
+from infoplan.study.mission_tables import MissionTables, build_tables
 from infoplan.study.provenance import provenance
-from infoplan.study.store import MissionTables, build_tables, save_mission
+from infoplan.study.store import save_mission
 from infoplan.terrain import Terrain
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import infoplan
 from infoplan.analyse.audit import audit
-from infoplan.analyse.tables import stored_options
+from infoplan.analyse.configurations import stored_options
 from infoplan.config import METHODS, FaultConfig, SpikeConfig
 from infoplan.fault import FAULTS, Corrupted, Sensed, spike
 from infoplan.method_identity import method_of

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
+from infoplan.config import PilotConfig
 from infoplan.errors import UsageError
 from infoplan.robot import (
-    PILOT_CONTROL_POINTS,
     bezier_path,
     drive,
     inside,
@@ -115,8 +115,9 @@ def bernstein(control_points, extent):
 
 
 def test_pilot_curve_is_the_bernstein_polynomial():
-    path = bezier_path(PILOT_CONTROL_POINTS, EXTENT, 100)
-    curve = bernstein(PILOT_CONTROL_POINTS, EXTENT)
+    points = PilotConfig().control_points
+    path = bezier_path(points, EXTENT, 100)
+    curve = bernstein(points, EXTENT)
     parameter = np.linspace(0.0, 1.0, 100)
     np.testing.assert_allclose(path[:, :2], curve(parameter), rtol=1e-12, atol=1e-12)
     dx, dy = curve.derivative()(parameter).T
@@ -124,15 +125,17 @@ def test_pilot_curve_is_the_bernstein_polynomial():
 
 
 def test_pilot_curve_goes_from_its_first_point_to_its_last():
-    path = bezier_path(PILOT_CONTROL_POINTS, EXTENT, 100)
-    assert len(PILOT_CONTROL_POINTS) == 18
+    points = PilotConfig().control_points
+    path = bezier_path(points, EXTENT, 100)
+    assert len(points) == 18
     np.testing.assert_allclose(path[0], [12.5, -10.0, math.pi])
     np.testing.assert_allclose(path[-1], [25.0, 5.0, math.pi / 2])
     assert all(inside(x, y, EXTENT) for x, y in path[:, :2].tolist())
 
 
 def test_heading_follows_the_curve():
-    path = bezier_path(PILOT_CONTROL_POINTS, EXTENT, 2001)
+    points = PilotConfig().control_points
+    path = bezier_path(points, EXTENT, 2001)
     dx, dy = (path[2:, :2] - path[:-2, :2]).T
     assert angle_between(path[1:-1, 2], np.arctan2(dy, dx)).max() < 1e-4
     assert np.all((path[:, 2] >= 0.0) & (path[:, 2] < 2.0 * np.pi))

@@ -5,8 +5,10 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from infoplan.analyse.tables import Selection, changed_options, flatten
+from infoplan.analyse.configurations import changed_options, flatten
+from infoplan.analyse.tables import Selection
 from infoplan.config import TERRAIN_SCHEMAS, TerrainConfig, terrain_kind
+from infoplan.method_identity import PAPERS_CHOICES
 from infoplan.study.store import inspect
 from infoplan.text_options import as_override, typed_text
 
@@ -32,8 +34,8 @@ def commands(selection: Selection, wanted: Iterable[Wanted]) -> tuple[str, ...]:
 
 
 def run_command(selection: Selection, method: str, rho: float, scope: str = "batch") -> str:
-    """Command that makes one run, ``method`` as in ``UCT-COPOD``."""
-    planner, detector = method.lower().split("-")
+    """Command that makes one run of a method of the paper, as ``UCT-COPOD``."""
+    planner, detector = PAPERS_CHOICES[method]
     options: dict[str, Any] = {"planner": planner, "detector": detector}
     if scope == "historical" and detector == "copod":
         options["detector.scope"] = scope

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from infoplan.analyse.configurations import default_options
 from infoplan.analyse.statistics import RESAMPLES, PairedDifference, paired_difference
-from infoplan.analyse.tables import REPLAY, default_options
+from infoplan.analyse.tables import REPLAY
 from infoplan.errors import UsageError
 
 EARLY = (150, 500)

@@ -14,16 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.analyse.configurations import Options, option_text, stored_options
 from infoplan.analyse.curves import mean_between
 from infoplan.analyse.statistics import RESAMPLES, Interval
-from infoplan.analyse.tables import (
-    REPLAY,
-    Options,
-    demand_whole,
-    option_text,
-    stored_footers,
-    stored_options,
-)
+from infoplan.analyse.tables import REPLAY, demand_whole, stored_footers
 from infoplan.config import METHODS
 from infoplan.errors import UsageError
 from infoplan.method_identity import SPIKE, Method, labels, method_of

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from infoplan.analyse.tables import Options, differing, stored_options
+from infoplan.analyse.configurations import Options, differing, stored_options
 from infoplan.errors import UsageError
 from infoplan.study.locks import list_held
 from infoplan.study.records import Footer

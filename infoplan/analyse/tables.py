@@ -1,20 +1,24 @@
 """Stored missions: which are there, which belong together, and their tables."""
 
 import html
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pyarrow as pa
 
-from infoplan.config import METHODS, MissionConfig
+from infoplan.analyse.configurations import (
+    Options,
+    defaults_of,
+    differing,
+    option_text,
+    stored_options,
+)
 from infoplan.errors import RunError, UsageError
 from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
-from infoplan.methods import OF_THE_MISSION
 from infoplan.study.run_names import choose_run
-from infoplan.study.terms import as_meant
 from infoplan.text_options import as_command, renamed
 from infoplan.wording import counted, harmless, suggest
 
@@ -25,15 +29,6 @@ DEFAULT_TERRAIN = "helens"
 
 LABELS = ("run", "seed", "method", "planner", "detector", "scope", "rho", "terrain", "budget")
 """What a mission can be chosen by, besides every option of its configuration."""
-
-SWEPT = ("planner.name", "detector.name", "detector.scope", "model.name", "fault.name", "rho")
-"""The options that tell a study's runs apart."""
-
-SHOWN = (*SWEPT, "terrain.name", REPLAY, *(f"{group}.function" for group in METHODS))
-"""Parts of a configuration that a run's labels tell."""
-
-Options = dict[str, Any]
-"""A configuration with dotted names."""
 
 
 LISTED = 30
@@ -254,7 +249,7 @@ def told_apart(selection: Selection) -> Selection:
         flats = {run: selection.options[run] for run in runs.index}
         differ = [name for name in differing(flats) if not name.endswith(".sha256")]
         for run, flat in flats.items():
-            default = _defaults(flat)
+            default = defaults_of(flat)
             own = [
                 f"{k}={option_text(flat.get(k))}" for k in differ if flat.get(k) != default.get(k)
             ]
@@ -266,34 +261,6 @@ def told_apart(selection: Selection) -> Selection:
             names[run] += f" of {digest}" if source else f" {digest}"
     missions["method"] = missions["run"].map(names)
     return replace(selection, missions=missions)
-
-
-def differing(options: Mapping[str, Options]) -> list[str]:
-    """Names of the options in which runs differ, those that their labels tell left out.
-
-    Parameters
-    ----------
-    options
-        Configuration of each run, dotted names.
-
-    Returns
-    -------
-    list of str
-        In the order of the configurations. An option that only one planner, detector, model or
-        terrain has is compared among its runs alone.
-    """
-    values: dict[tuple[str, str], set[str]] = {}
-    runs: dict[str, list[Options]] = {}
-    for flat in options.values():
-        for owner in {_owner(flat, name) for name in flat}:
-            runs.setdefault(owner, []).append(flat)
-    for flat in options.values():
-        for name in flat:
-            owner = _owner(flat, name)
-            if name not in SHOWN and (name, owner) not in values:
-                having = [other for other in runs[owner] if name in other]
-                values[name, owner] = {repr(other[name]) for other in having}
-    return list(dict.fromkeys(name for (name, _), found in values.items() if len(found) > 1))
 
 
 def load_curves(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
@@ -329,50 +296,6 @@ def load_samples(source: str | Path | Selection, **filters: Any) -> pd.DataFrame
 def load_maps(source: str | Path | Selection, **filters: Any) -> pd.DataFrame:
     """Load final maps, one row a node of the query grid; otherwise as `load_curves`."""
     return _load(source, "maps", filters)
-
-
-def option_text(value: Any) -> str:
-    """Write an option's value as the command line reads it, to the last digit."""
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return f"[{','.join(map(option_text, value))}]"
-    return str(value)
-
-
-def changed_options(options: Options) -> Options:
-    """Options of a run that are not the default ones, the labels of the run left out."""
-    default = default_options()
-    return {
-        name: value
-        for name, value in options.items()
-        if name in default and name not in SWEPT and value != default[name]
-    }
-
-
-def default_options() -> Options:
-    """Return the default configuration, dotted names."""
-    from infoplan.study.identity import NUMERICS_VERSION
-
-    return flatten({**asdict(MissionConfig()), "numerics_version": NUMERICS_VERSION})
-
-
-def stored_options(science: Mapping[str, Any]) -> Options:
-    """Give the configuration of a stored run dotted names, those of today."""
-    return flatten(as_meant(science))
-
-
-def flatten(configuration: Mapping[str, Any], prefix: str = "") -> Options:
-    """Give a nested configuration dotted names."""
-    flat: Options = {}
-    for name, value in configuration.items():
-        if isinstance(value, Mapping):
-            flat |= flatten(value, f"{prefix}{name}.")
-        else:
-            flat[prefix + name] = value
-    return flat
 
 
 def _scan(folder: Path) -> tuple[pd.DataFrame, dict[str, Options]]:
@@ -436,31 +359,6 @@ def demand_whole(folder: Path, missions: Iterable[tuple[str, int]]) -> None:
         stored = inspect(folder, run, seed)
         if stored.state != "done":
             raise RunError(stored.reason or f"{run} seed {seed} has gone meanwhile: run it again")
-
-
-def _owner(flat: Options, name: str) -> str:
-    """Say which planner, detector, model or terrain an option belongs to; empty: to all runs."""
-    group, _, option = name.partition(".")
-    if group == "terrain":
-        return f"terrain {flat.get('terrain.name')}"
-    if group not in METHODS or option in OF_THE_MISSION[group]:
-        return ""
-    choice = str(flat.get(f"{group}.name"))
-    schema = METHODS[group].get(choice)
-    # Tree searches share their options.
-    kind = type(schema).__name__ if schema else flat.get(f"{group}.function") or choice
-    return f"{group} {kind}"
-
-
-def _defaults(flat: Options) -> Options:
-    """Options that a run of this planner, detector and model has as they come."""
-    chosen = dict(default_options())
-    for group, choices in METHODS.items():
-        name = str(flat[f"{group}.name"])
-        kind = "pyod" if name.startswith("pyod_") else name
-        if kind in choices and f"{group}.function" not in flat:
-            chosen |= flatten({group: asdict(choices[kind])})
-    return chosen
 
 
 def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
@@ -548,7 +446,7 @@ def _agreeing(selection: Selection, names: set[str]) -> Selection:
     """Keep the runs that agree in some options: if several groups do, the default ones."""
     unusual: dict[str, list[str]] = {}
     for run, flat in selection.options.items():
-        default = _defaults(flat)
+        default = defaults_of(flat)
         others = [name for name in flat if name in names and flat[name] != default.get(name)]
         if others:
             unusual[run] = others

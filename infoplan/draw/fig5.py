@@ -11,7 +11,7 @@ from infoplan.analyse.curves import drawable, on_common_axis
 from infoplan.analyse.statistics import bootstrap_band
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
-from infoplan.method_identity import NEVER_ERRS, PAPERS, Look, looks
+from infoplan.method_identity import NEVER_ERRS, PAPERS, PAPERS_CHOICES, Look, looks
 from infoplan.wording import counted
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ PANELS = {
 
 NEEDS = tuple(
     dict.fromkeys(
-        (method, rho, scope if method.endswith("COPOD") else "batch")
+        (method, rho, "batch" if PAPERS_CHOICES[method][1] in NEVER_ERRS else scope)
         for rho, scope in PANELS.values()
         for method in METHODS
     )

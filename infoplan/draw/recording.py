@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from infoplan.analyse.configurations import stored_options
 from infoplan.analyse.relief import on_grid
-from infoplan.analyse.tables import find_missions, stored_options
+from infoplan.analyse.tables import find_missions
 from infoplan.config import MissionConfig, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.extent import checked_extent

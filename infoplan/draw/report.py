@@ -13,16 +13,11 @@ from typing import Any
 import numpy as np
 
 from infoplan.analyse.claims import METHODS, WORDS, judge_claims
+from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
 from infoplan.analyse.statistics import Interval
-from infoplan.analyse.tables import (
-    Selection,
-    changed_options,
-    differing,
-    study_of,
-    told_apart,
-)
+from infoplan.analyse.tables import Selection, study_of, told_apart
 from infoplan.draw import claims_table
 from infoplan.draw.report_data import (
     Findings,

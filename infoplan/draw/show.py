@@ -6,17 +6,11 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
+from infoplan.analyse.configurations import changed_options, option_text
 from infoplan.analyse.curves import missions, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
 from infoplan.analyse.statistics import bootstrap_mean
-from infoplan.analyse.tables import (
-    Selection,
-    changed_options,
-    load_curves,
-    load_maps,
-    load_samples,
-    option_text,
-)
+from infoplan.analyse.tables import Selection, load_curves, load_maps, load_samples
 from infoplan.draw.console import INDENT, say
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from infoplan.analyse.configurations import Options, differing, option_text, stored_options
 from infoplan.analyse.statistics import bootstrap_mean
-from infoplan.analyse.tables import Options, differing, option_text, stored_options
 from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table

@@ -17,9 +17,10 @@ from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfi
 from infoplan.errors import RunError, UsageError
 from infoplan.options import with_values
 from infoplan.study.identity import NUMERICS_VERSION, Run
+from infoplan.study.mission_tables import MissionTables, build_tables
 from infoplan.study.provenance import provenance
 from infoplan.study.signals import Interrupted
-from infoplan.study.store import MissionTables, build_tables, read_table
+from infoplan.study.store import read_table
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:

@@ -12,14 +12,13 @@ import re
 import sys
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -27,9 +26,9 @@ import yaml
 
 from infoplan.errors import RunError, UsageError
 from infoplan.files import read_regular
-from infoplan.methods import method_label
-from infoplan.study.columns import canonical, completed, lay_out, values_digest
+from infoplan.study.columns import canonical, completed, values_digest
 from infoplan.study.identity import Run
+from infoplan.study.mission_tables import MissionTables
 from infoplan.study.provenance import git_state, provenance
 from infoplan.study.records import Footer, MisfitError, footer_digest, read_document
 from infoplan.tables import (
@@ -44,28 +43,17 @@ from infoplan.tables import (
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:
-    from infoplan.scoring import CurveRow, State
+    pass
 
 FOOTER = b"infoplan"
 """Key of the JSON document in a table's Parquet metadata."""
 
-ERRORS = ("rmse", "mae", "nlpd", "coverage95")
-"""Columns of the curve that score the model."""
 
 SCRATCH = ".scratch"
 """Folder of files that are being written: some readers take every file in a table's folder."""
 
 STALE_SECONDS = 3600.0
 """A scratch file that old was left behind by a process that died."""
-
-
-@dataclass
-class MissionTables:
-    """The three tables of a finished mission."""
-
-    curves: pa.Table
-    samples: pa.Table
-    maps: pa.Table
 
 
 @dataclass(frozen=True)
@@ -85,96 +73,6 @@ class Stored:
     state: str
     reason: str = ""
     footer: Footer | None = None
-
-
-def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State") -> MissionTables:
-    """Lay a finished mission out as tables: the columns of `infoplan.tables`, and what rows add.
-
-    Parameters
-    ----------
-    run, seed
-        Whose.
-    rows
-        Of all its states.
-    last
-        The last of them.
-
-    Raises
-    ------
-    RunError
-        If an error is not finite though the truth is known: the model has predicted nonsense.
-    """
-    config, n, samples, maps = run.config, len(rows), last.samples, last.maps
-    if np.isfinite(maps.truth).all():
-        for row in rows:
-            _demand_finite(row, method_label(config.model))
-    labels = {
-        "planner": method_label(config.planner),
-        "detector": method_label(config.detector),
-        "scope": config.detector.scope,
-        "rho": config.rho,
-        "terrain": run.terrain.name,
-    }
-    return MissionTables(
-        curves=lay_out(
-            "curves",
-            {name: [value] * n for name, value in labels.items()}
-            | {"seed": [seed] * n}
-            | _columns(rows),
-        ),
-        samples=lay_out(
-            "samples",
-            {
-                "seed": np.full(len(samples), seed),
-                "epoch": samples.epoch,
-                "x1": samples.x[:, 0],
-                "x2": samples.x[:, 1],
-                "heading": samples.heading,
-                "truth": samples.truth,
-                "measured": samples.measured,
-                "score": samples.score,
-                "is_outlier": samples.is_outlier,
-                "flagged": samples.flagged,
-                "used": ~samples.flagged,
-            },
-        ),
-        maps=lay_out(
-            "maps",
-            {
-                "seed": np.full(len(maps.x), seed),
-                "x1": maps.x[:, 0],
-                "x2": maps.x[:, 1],
-                "truth": maps.truth,
-                "mean": maps.mean,
-                "std": maps.std,
-                "outlier_density": maps.outlier_density,
-            },
-        ),
-    )
-
-
-def _columns(rows: "Sequence[CurveRow]") -> dict[str, list[Any]]:
-    """Turn rows into columns; a field that is a mapping gives a column for each of its names."""
-    flat = [
-        {name: value for item in fields(row)
-         for name, value in _named(item.name, getattr(row, item.name)).items()}
-        for row in rows
-    ]  # fmt: skip
-    return {name: [row[name] for row in flat] for name in flat[0]}
-
-
-def _named(name: str, value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {name: value}
-
-
-def _demand_finite(row: "CurveRow", model: str) -> None:
-    wrong = [name for name in ERRORS if not math.isfinite(getattr(row, name))]
-    if wrong:
-        said = ", ".join(f"{name} is {getattr(row, name)}" for name in wrong)
-        raise RunError(
-            f"the model {model} predicts what cannot be scored in epoch {row.epoch} ({said}): "
-            "choose other options of the model"
-        )
 
 
 def table_path(results_dir: Path, table: str, run: str, seed: int) -> Path:

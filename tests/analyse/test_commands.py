@@ -9,7 +9,7 @@ from command import infoplan
 
 from infoplan.analyse import find_study
 from infoplan.analyse.commands import commands, run_command, study_command
-from infoplan.analyse.tables import flatten
+from infoplan.analyse.configurations import flatten
 
 
 def words(command: str) -> set[str]:

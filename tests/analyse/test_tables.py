@@ -17,7 +17,7 @@ from infoplan.analyse import (
     load_samples,
     summarise,
 )
-from infoplan.analyse.tables import differing
+from infoplan.analyse.configurations import differing
 from infoplan.errors import RunError, UsageError
 
 

@@ -21,8 +21,8 @@ from infoplan.errors import RunError
 from infoplan.scoring import CurveRow
 from infoplan.study.columns import lay_out, values_digest
 from infoplan.study.identity import identify
+from infoplan.study.mission_tables import build_tables
 from infoplan.study.store import (
-    build_tables,
     inspect,
     list_missions,
     read_table,

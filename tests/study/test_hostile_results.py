@@ -26,9 +26,9 @@ from infoplan.study import store as stored
 from infoplan.study.columns import values_digest
 from infoplan.study.estimate import learn
 from infoplan.study.identity import identify, run_name
+from infoplan.study.mission_tables import build_tables
 from infoplan.study.records import MisfitError, read_science
 from infoplan.study.store import (
-    build_tables,
     configuration_path,
     inspect,
     list_foreign,
