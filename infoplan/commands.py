@@ -219,9 +219,12 @@ def replay(
     from infoplan.study_commands import replay
 
     if not isinstance(run, str):
+        from infoplan.text_options import as_command
+
         raise UsageError(
-            "infoplan replay takes one stored run: infoplan replay <run> detector=best, where "
-            "<run> is its name or hash (infoplan status lists them)"
+            "infoplan replay takes one stored run: give its name or its hash, which "
+            f"{as_command('infoplan status', results_dir)} lists, and detector=best or "
+            "the like"
         )
     return replay(results_dir, run, seeds, trust, overrides)
 

@@ -1,11 +1,15 @@
-"""Files and paths that users name: read only if they are regular files, and not too large."""
+"""Files that users name: read only if regular and not too large; why one cannot be written."""
 
+import errno
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from infoplan.errors import UsageError
+from infoplan.errors import RunError, UsageError
+from infoplan.wording import harmless
 
 
 def user_path(text: str | Path) -> Path:
@@ -78,6 +82,46 @@ def read_up_to(stream: BinaryIO, size: int, limit: int) -> bytes:
     while len(content) <= limit and (more := stream.read(2**20)):
         content += more
     return content
+
+
+@contextmanager
+def writing(path: Path, then: str = "") -> Iterator[None]:
+    """Turn a failure to write a file into one sentence about it and what to do.
+
+    Parameters
+    ----------
+    path
+        The file that is meant, whatever is written on the way.
+    then
+        What to do afterwards.
+
+    Raises
+    ------
+    RunError
+        If the file system refuses.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise RunError(
+            harmless(f"{path} could not be written ({reason}): {remedy(error)}{then}")
+        ) from error
+
+
+def remedy(error: OSError) -> str:
+    """Say what to do about a failure to write."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return "make room or name another results_dir"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return "name a results_dir that you may write to"
+    if error.errno in (errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ELOOP):
+        return "move what is in the way elsewhere or name another results_dir"
+    if error.errno == errno.ENAMETOOLONG:
+        return "name a shorter results_dir"
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return "allow more open files (ulimit -n) or close some"
+    return "look after the disk or name another results_dir"
 
 
 def _kind(mode: int) -> str:

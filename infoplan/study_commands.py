@@ -133,7 +133,7 @@ def status(results_dir: Path, overrides: Sequence[str], run: str | None, as_json
         return compose_and(_status_of_study(as_json), ["-m", *overrides])
     found = look_at_all(results_dir)
     if run is not None:
-        name = choose_run(run, [one.run for one in found.runs], str(results_dir))
+        name = choose_run(run, [one.run for one in found.runs], results_dir)
         found.runs = [one for one in found.runs if one.run == name]
         found.problems = [problem for problem in found.problems if name in problem]
     _print_status(found, as_json)

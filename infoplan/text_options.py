@@ -156,7 +156,7 @@ def as_override(name: str, value: Any) -> str:
     return shlex.quote(f"{name}={as_value(name, value)}")
 
 
-def as_command(words: str, results_dir: Path) -> str:
+def as_command(words: str, results_dir: str | Path) -> str:
     """Write a command for a results folder, which is named if it is not the default one."""
     usual = str(results_dir) == Config().results_dir
     return words if usual else f"{words} {as_override('results_dir', results_dir)}"

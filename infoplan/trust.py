@@ -8,6 +8,7 @@ from infoplan.config import MissionConfig
 from infoplan.errors import UsageError
 from infoplan.methods import OWN
 from infoplan.own import find_source
+from infoplan.text_options import as_override
 from infoplan.wording import harmless
 
 
@@ -42,7 +43,7 @@ def admit(
         if not isinstance(options, OWN):
             continue
         path = str(options.function)
-        option, file = f"{group}.function={path}", find_source(path)
+        option, file = as_override(f"{group}.function", path), find_source(path)
         if group not in named and not trust:
             raise UsageError(
                 harmless(

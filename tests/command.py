@@ -37,7 +37,17 @@ def infoplan(
     return done
 
 
+COMMANDS = "run|replay|status|show|figures|claims|leaderboard|report|audit|animate|terrain"
+
+
 def suggested(output: str) -> list[list[str]]:
-    """Command lines that a message suggests, as the words after ``infoplan``."""
-    word = r"""(?:'[^']*'|"[^"]*"|[^\s;'"])+"""
-    return [shlex.split(found)[1:] for found in re.findall(rf"infoplan run(?: {word})+", output)]
+    """Command lines that a message suggests, as the words after ``infoplan``.
+
+    Of what follows the command only flags and options are its own, and no mark at the end of what
+    is not in quotes.
+    """
+    plain = r"""[^\s'"`]*[^\s'"`,;:)]"""
+    quoted = r"""'[^']*'|"[^"]*\""""
+    word = rf"""(?:--?[a-z]+|(?=\S*=|'[^']*=)(?:{quoted}|{plain})+)"""
+    line = rf"infoplan (?:{COMMANDS})(?: {word})*"
+    return [shlex.split(found)[1:] for found in re.findall(line, output)]

@@ -1,5 +1,6 @@
 """What messages suggest can be pasted, and makes the run that was meant."""
 
+import json
 import shutil
 
 import yaml
@@ -43,5 +44,11 @@ def test_a_suggested_command_makes_the_run_that_was_meant(tmp_path, hills):
     for key, value in flown.items():
         if key not in ("planner", "detector"):
             assert found[new][key] == value, key
-    planned = infoplan(*commands[0], "--dry-run", cwd=tmp_path)  # the whole study takes long
-    assert "would run" in planned.stdout
+    judged = infoplan("claims", "--json", f"results_dir={folder.name}", cwd=tmp_path).stdout
+    cures = {cure for claim in json.loads(judged)["claims"] for cure in claim["commands"]}
+    assert cures
+    for line in [*commands, *(words for cure in cures for words in suggested(cure))]:
+        planned = infoplan(*line, "--dry-run", cwd=tmp_path).stdout  # the whole study takes long
+        assert f" stored in {folder.name}" in planned
+        if "-m" in line:  # those of the study that are there are the same runs
+            assert "2 are stored" in planned

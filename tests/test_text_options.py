@@ -164,10 +164,36 @@ def test_what_is_suggested_composes_to_that_very_value(path, amount, extent, par
     assert config.detector.params == without_rounding(params)
 
 
+def test_what_a_file_sweeps_is_read_as_typed(tmp_path):
+    (tmp_path / "experiment").mkdir()
+    params = "{rho: 'range(0.1,0.4,0.1)', terrain.path: 'größe (1).npy'}"
+    (tmp_path / "experiment" / "swept.yaml").write_text(
+        f"# @package _global_\nhydra: {{sweeper: {{params: {params}}}}}\n"
+    )
+    line = ["-m", "-cd", str(tmp_path), "experiment=swept", "terrain=file"]
+    made = composed(*line)
+    assert [config.rho for config in made] == [0.1, 0.2, 0.3]
+    assert {config.terrain.path for config in made} == {"größe (1).npy"}
+
+
+def test_whole_numbers_are_floats_in_lists_of_lists():
+    points = [[0.2, 0.0], [0.0, 1.0], [1.0, 1.0]]
+    assert compose(["pilot.control_points=[[0.2,0],[0,1],[1,1]]"]).pilot.control_points == points
+    word = shlex.split(as_override("pilot.control_points", points))[0]
+    assert compose([word]).pilot.control_points == points
+
+
 def test_the_rounding_of_steps_makes_no_other_number():
     assert [c.rho for c in composed("-m", "rho=range(0.1,0.4,0.1)")] == [0.1, 0.2, 0.3]
     assert [c.rho for c in composed("-m", "rho=range(0.4,0,-0.15)")] == [0.4, 0.25, 0.1]
     assert [c.rho for c in composed("sweep=['rho=range(0,1,.5)']")] == [0.0, 0.5]
+    for written, values in {
+        "range(0.1,0.4,step=0.1)": "0.1,0.2,0.3",
+        "range(start=0.1,stop=0.4,step=0.1)": "0.1,0.2,0.3",
+        "sort(range(0.1,0.4,0.1),reverse=true)": "0.3,0.2,0.1", "tag(x,range(0.1,0.4,.1))":
+        "0.1,0.2,0.3", "shuffle(range(0.1,0.4,0.1))": "shuffle(0.1,0.2,0.3)",
+    }.items():  # fmt: skip
+        assert readable([f"rho={written}"], several=True) == [f"rho={values}"]
     assert infoplan.configure(rho=0.1 * 3).rho == 0.3
     assert infoplan.configure(rho=np.float64(0.1) * 3).rho == 0.3
     assert infoplan.configure(**{"fault.quantiles": [0.1 * 3, 0.7]}).fault.quantiles[0] == 0.3

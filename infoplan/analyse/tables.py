@@ -17,9 +17,10 @@ from infoplan.analyse.configurations import (
     stored_options,
 )
 from infoplan.errors import RunError, UsageError
+from infoplan.files import user_path
 from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
 from infoplan.study.run_names import choose_run
-from infoplan.text_options import as_command, renamed
+from infoplan.text_options import as_command, as_override, renamed
 from infoplan.wording import counted, harmless, suggest
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
     RunError
         If a table cannot be read.
     """
-    folder = Path(results_dir).expanduser()
+    folder = user_path(results_dir)
     missions, options = _scan(folder)
     if missions.empty:
         raise UsageError(
@@ -167,7 +168,7 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
         )
     for name, wanted in filters.items():
         if wanted is not None:
-            missions = _filtered(missions, options, name, wanted)
+            missions = _filtered(folder, missions, options, name, wanted)
     notes: tuple[str, ...] = ()
     replays = missions["run"].map(lambda run: REPLAY in options[run]).astype(bool)
     if all(filters.get(name) is None for name in ("run", "method", REPLAY)) and not replays.all():
@@ -368,7 +369,7 @@ def _rows(missions: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _filtered(
-    missions: pd.DataFrame, options: dict[str, Options], name: str, wanted: Any
+    folder: Path, missions: pd.DataFrame, options: dict[str, Options], name: str, wanted: Any
 ) -> pd.DataFrame:
     """Keep the missions that answer to one filter; at least one must."""
     name = renamed(name)
@@ -380,7 +381,7 @@ def _filtered(
         )
     if name == "run":
         listed = [wanted] if isinstance(wanted, str) else list(wanted)
-        runs = [choose_run(str(text), missions["run"], "the results") for text in listed]
+        runs = [choose_run(str(text), missions["run"], folder) for text in listed]
         return missions[missions["run"].isin(runs)]
     kept = missions[[_answers(row, options, name, wanted) for row in _rows(missions)]]
     if kept.empty:
@@ -456,14 +457,17 @@ def _agreeing(selection: Selection, names: set[str]) -> Selection:
     if len(unusual) == len(selection.options):
         found = {
             name: sorted(
-                {option_text(flat[name]) for flat in selection.options.values() if name in flat}
+                (flat[name] for flat in selection.options.values() if name in flat), key=option_text
             )
             for name in named
         }
-        listed = "; ".join(f"{name} ({', '.join(values)})" for name, values in found.items())
+        listed = "; ".join(
+            f"{name} ({', '.join(dict.fromkeys(map(option_text, values)))})"
+            for name, values in found.items()
+        )
         raise UsageError(
             f"the runs do not belong together, they differ in {listed}: "
-            f"choose with {named[0]}={found[named[0]][0]} or the like"
+            f"choose with {as_override(named[0], found[named[0]][0])} or the like"
         )
     which = "is left out; choose it" if len(unusual) == 1 else "are left out; choose them"
     note = (

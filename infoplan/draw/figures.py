@@ -124,6 +124,7 @@ def _seedless(name: str, needs: Sequence[Wanted], selection: Selection, seed: in
     if common and seed in common:
         return ""
     if not common:
-        return f"{name} needs a seed that all its runs have: run them with the same seeds"
+        cure = "; ".join(commands(selection, needs))
+        return f"{name} needs a seed that all its runs have: run {cure}"
     known = ", ".join(map(str, sorted(common)))
     return f"{name} cannot show seed {seed}, which not all its runs have: choose seed= of {known}"

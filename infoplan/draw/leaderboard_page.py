@@ -11,7 +11,7 @@ from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import TextColumn, print_table
-from infoplan.errors import RunError
+from infoplan.files import writing
 from infoplan.method_identity import SPIKE
 from infoplan.options import plain_number
 from infoplan.wording import counted, harmless, markdown_cell
@@ -103,13 +103,8 @@ def write_page(board: Leaderboard, path: Path) -> Path:
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody>'
         f"</table></div>{notes}</body></html>\n"
     )
-    try:
+    with writing(path):
         path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise RunError(
-            f"{path} could not be written ({error.strerror or error}): make room, or check that "
-            "you may write there"
-        ) from error
     return path
 
 

@@ -31,7 +31,8 @@ from infoplan.draw.report_data import (
     read_footers,
     run_records,
 )
-from infoplan.errors import RunError, UsageError
+from infoplan.errors import UsageError
+from infoplan.files import writing
 from infoplan.method_identity import looks
 from infoplan.study.records import Footer
 from infoplan.wording import counted, figure, harmless
@@ -84,14 +85,9 @@ def write_report(selection: Selection) -> Path:
     page = render(selection)
     path = selection.results_dir / "report.html"
     unfinished = path.with_name(f".{path.name}")
-    try:
+    with writing(path):
         unfinished.write_text(page, encoding="utf-8")
         unfinished.replace(path)
-    except OSError as error:
-        raise RunError(
-            f"{path} could not be written ({error.strerror or error}): make room, or check that "
-            "you may write there"
-        ) from error
     return path
 
 

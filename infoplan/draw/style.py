@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.backend import load_matplotlib
+from infoplan.files import writing
 from infoplan.method_identity import Look
 from infoplan.wording import csv_cell, harmless
 
@@ -116,18 +117,24 @@ def save(figure: "Figure", folder: Path, name: str, numbers: pd.DataFrame) -> li
     -------
     list of Path
         The three files.
+
+    Raises
+    ------
+    RunError
+        If they cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}.{kind}" for kind in ("png", "pdf", "csv")]
-    figure.savefig(paths[0], dpi=300)
-    # Without a date the same results give the same file.
-    figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
     texts = {
         str(name): column.map(csv_cell, na_action="ignore")
         for name, column in numbers.items()
         if not pd.api.types.is_numeric_dtype(column)
     }
-    numbers.assign(**texts).to_csv(paths[2], index=False, float_format="%.10g")
+    with writing(paths[0]):
+        folder.mkdir(parents=True, exist_ok=True)
+        figure.savefig(paths[0], dpi=300)
+        # Without a date the same results give the same file.
+        figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
+        numbers.assign(**texts).to_csv(paths[2], index=False, float_format="%.10g")
     return paths
 
 

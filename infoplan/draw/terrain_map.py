@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from infoplan.analyse.relief import RADIUS, local_relief
 from infoplan.config import PilotConfig
 from infoplan.draw import style
-from infoplan.errors import RunError
 from infoplan.extent import query_grid
 from infoplan.robot import bezier_path
 from infoplan.terrain import Terrain
@@ -94,13 +93,7 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
         _world_axes(axes, terrain)
         numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
         numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
-        try:
-            return style.save(drawing, folder, f"terrain-{terrain.name}", numbers)[0]
-        except OSError as error:
-            raise RunError(
-                f"the picture of {terrain.name} cannot be written to {harmless(folder)}: "
-                f"{error.strerror or error}; choose another folder with results_dir="
-            ) from error
+        return style.save(drawing, folder, f"terrain-{terrain.name}", numbers)[0]
 
 
 def coarsened(terrain: Terrain) -> NDArray[np.float64]:

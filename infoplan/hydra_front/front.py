@@ -19,6 +19,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from hydra.core.singleton import Singleton
 from hydra.plugins.launcher import Launcher
+from hydra.plugins.sweeper import Sweeper
 from omegaconf import DictConfig
 
 from infoplan.caches import scratch_folder
@@ -29,10 +30,9 @@ from infoplan.hydra_front.compose import LOCK, register, version_base
 from infoplan.hydra_front.explain import explained
 from infoplan.hydra_front.flags import given_flags, sort_arguments
 from infoplan.hydra_front.jobs import Act, begin, task_of
-from infoplan.hydra_front.launchers import WatchedLauncher, register_launcher
-from infoplan.hydra_front.overrides import combinations, is_multirun, readable, values_of
+from infoplan.hydra_front.launchers import WatchedLauncher, prepare_sweep, register_launcher
+from infoplan.hydra_front.overrides import is_multirun, readable, values_of
 from infoplan.hydra_front.trials import best_trial
-from infoplan.study.limits import check_sweep
 from infoplan.text_options import for_hydra, typed_texts
 
 
@@ -60,8 +60,6 @@ def compose_and(act: Act, arguments: list[str]) -> int:
     given = given_flags(flags)
     if "--shell-completion" not in given:
         overrides = readable(overrides, several=is_multirun(flags, overrides))
-        if is_multirun(flags, overrides):
-            check_sweep(combinations(overrides))  # Hydra would begin to compose them all
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
     quiet = redirect_stderr(io.StringIO()) if "--package" in given else nullcontext()
     with _own_state(), _command_line(flags, overrides), quiet:
@@ -126,18 +124,24 @@ def _command_line(flags: Sequence[str], overrides: Sequence[str]) -> Iterator[No
         # Hydra's sweeper insists on writing multirun.yaml somewhere.
         arguments.append(f"hydra.sweep.dir={for_hydra(_sweep_folder(overrides, scratch))}")
     plugins = Plugins.instance()
-    instantiate = plugins.instantiate_launcher
+    launcher_of, sweeper_of = plugins.instantiate_launcher, plugins.instantiate_sweeper
 
     def watched(hydra_context: Any, task_function: Any, config: DictConfig) -> Launcher:
-        return WatchedLauncher(instantiate(hydra_context, task_function, config), config)
+        return WatchedLauncher(launcher_of(hydra_context, task_function, config), config)
+
+    def prepared(*, hydra_context: Any, task_function: Any, config: DictConfig) -> Sweeper:
+        prepare_sweep(config)
+        return sweeper_of(hydra_context=hydra_context, task_function=task_function, config=config)
 
     sys.argv = ["infoplan", *arguments]
     os.environ["HYDRA_FULL_ERROR"] = "1"
     plugins.instantiate_launcher = watched  # type: ignore[method-assign]
+    plugins.instantiate_sweeper = prepared  # type: ignore[method-assign]
     try:
         yield
     finally:
-        plugins.instantiate_launcher = instantiate  # type: ignore[method-assign]
+        plugins.instantiate_launcher = launcher_of  # type: ignore[method-assign]
+        plugins.instantiate_sweeper = sweeper_of  # type: ignore[method-assign]
         sys.argv = saved_argv
         if saved_flag is None:
             del os.environ["HYDRA_FULL_ERROR"]

@@ -15,6 +15,7 @@ from infoplan.hydra_front.compose import Composer, check_texts, to_config
 from infoplan.hydra_front.explain import explained
 from infoplan.hydra_front.overrides import expand
 from infoplan.hydra_front.trials import Score
+from infoplan.study.limits import check_sweep
 
 Act = Callable[[list[Config]], tuple[int, list[float]]]
 """What is done with the configurations of a study: gives exit status and one number for each."""
@@ -87,7 +88,7 @@ def act_on_jobs(
             for job in overrides:
                 check_texts(GlobalHydra.instance().config_loader(), job)
             compose = Composer(config_name)
-            expanded = [_expanded(*job, compose) for job in zip(composed, overrides, strict=True)]
+            expanded = _expanded(composed, overrides, compose)
             configs = [to_config(config) for job in expanded for config in job]
         status, numbers = session().act(configs)
     except (UsageError, RunError) as error:
@@ -112,8 +113,16 @@ def _score(numbers: list[float]) -> float:
     return numbers[0] if len(numbers) == 1 else Score(sum(numbers) / len(numbers))
 
 
-def _expanded(composed: DictConfig, overrides: list[str], compose: Composer) -> list[DictConfig]:
-    """Give the configurations that a job stands for: itself, or those of its ``sweep``."""
-    if not composed.sweep:
-        return [composed]
-    return [compose(job) for job in expand(composed.sweep, overrides)]
+def _expanded(
+    composed: Sequence[DictConfig], overrides: Sequence[list[str]], compose: Composer
+) -> list[list[DictConfig]]:
+    """Give the configurations that each job stands for: itself, or those of its ``sweep``."""
+    lines = [
+        expand(config.sweep, job) if config.sweep else []
+        for config, job in zip(composed, overrides, strict=True)
+    ]
+    check_sweep(sum(map(len, lines)))
+    return [
+        [compose(line) for line in of_job] if config.sweep else [config]
+        for config, of_job in zip(composed, lines, strict=True)
+    ]

@@ -14,9 +14,7 @@ def no_option(name: str) -> str:
     if group in RENAMED:
         return f"{group} is called {RENAMED[group]} now: write {RENAMED[group]} in its place"
     if name in known:
-        return (
-            f"the chosen {group} has no option {name!r}: infoplan run --cfg job shows what it has"
-        )
+        return f"the chosen {group} has no option {name!r}: infoplan run --help tells which have it"
     return (
         f"there is no option {name!r}{suggest(name, [*known, *GROUPS, 'experiment'], 3)}: "
         "infoplan run --help lists all"

@@ -7,16 +7,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.plugins.launcher import Launcher
-from omegaconf import DictConfig
+from omegaconf import DictConfig, open_dict, read_write
 
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front.compose import Composer
 from infoplan.hydra_front.jobs import act_on_jobs, session, task_overrides
-from infoplan.hydra_front.overrides import key, readable
+from infoplan.hydra_front.overrides import combinations, key, readable
+from infoplan.study.limits import check_sweep
 
 BASIC_SWEEPER = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 """Hydra's sweeper that runs all combinations and searches for nothing."""
@@ -76,7 +78,7 @@ class WatchedLauncher(Launcher):
             for override in parsed
             if not override.is_sweep_override()
         }
-        self.is_search = config.hydra.sweeper["_target_"] != BASIC_SWEEPER
+        self.is_search = is_search(config)
 
     def setup(self, *, hydra_context: Any, task_function: Any, config: DictConfig) -> None:
         """Do nothing: the launcher is set up already."""
@@ -101,6 +103,34 @@ class WatchedLauncher(Launcher):
                     overrides=result.overrides, cfg=result.cfg, status=JobStatus.FAILED
                 )
         return returned
+
+
+def is_search(config: DictConfig) -> bool:
+    """Whether a sweeper chooses the values that it tries, unlike Hydra's own, which tries all."""
+    return bool(config.hydra.sweeper["_target_"] != BASIC_SWEEPER)
+
+
+def prepare_sweep(config: DictConfig) -> None:
+    """Write what files say of a sweep as its command line is written, and refuse too large a one.
+
+    Parameters
+    ----------
+    config
+        Of Hydra, before its sweeper is made, which would write all combinations out.
+
+    Raises
+    ------
+    UsageError
+        If the sweep has no configuration, or more than can be held.
+    """
+    if is_search(config):
+        return
+    params = config.hydra.sweeper.params or {}
+    words = readable([f"{name}={value}" for name, value in params.items()], several=True)
+    with read_write(config), open_dict(config):
+        config.hydra.sweeper.params = dict(word.split("=", 1) for word in words)
+    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+    check_sweep(combinations(parser.parse_overrides([*words, *task_overrides(config.hydra)])))
 
 
 class FailedJob(JobReturn):

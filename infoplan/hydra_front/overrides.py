@@ -9,7 +9,7 @@ from decimal import Decimal
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, RangeSweep
 from hydra.errors import HydraException
 
 from infoplan.config import GROUPS
@@ -17,8 +17,10 @@ from infoplan.errors import UsageError
 from infoplan.hydra_front.known_options import all_options
 from infoplan.options import describe
 from infoplan.own import load, text_parameters
+from infoplan.study.limits import check_sweep, sweep_fits
 from infoplan.text_options import (
     OWN_OPTION,
+    decimal,
     for_hydra,
     renamed,
     text_options,
@@ -26,11 +28,6 @@ from infoplan.text_options import (
     typed_texts,
 )
 from infoplan.wording import harmless
-
-NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
-
-DECIMAL_RANGE = re.compile(rf"range\((?=[^)]*[.eE]){NUMBER},{NUMBER}(?:,{NUMBER})?\)")
-"""A range of Hydra's of which a number has decimals."""
 
 
 def readable(overrides: Sequence[str], several: bool) -> list[str]:
@@ -58,7 +55,7 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
     own = _own_texts(overrides)
     words = [_readable(override, several, own, parser) for override in overrides]
     if several and not values_of("hydra/sweeper", overrides):
-        words = [_stepped(word) for word in words]
+        words = [_stepped(word, parser) for word in words]
     for typed, word in zip(overrides, words, strict=True):
         try:
             parser.parse_override(word)
@@ -96,6 +93,9 @@ def _readable(
     if OWN_OPTION.match(name):
         # Hydra is to take options of which it has no list.
         name = f"++{name}"
+    if all_options().get(bare, {}).get("type") == list[list[float]]:
+        # OmegaConf takes no whole number for a float there.
+        value = re.sub(r"(?<![\w.])(\d+)(?![\w.])", r"\1.0", value)
     group, _, option = bare.partition(".options.")
     # What is in quotes Hydra reads as text anyhow.
     is_own = option in own.get(group, ()) and value[0] not in ("'", '"')
@@ -112,19 +112,36 @@ def _readable(
     return f"{name}={','.join(map(for_hydra, texts))}"
 
 
-def _stepped(word: str) -> str:
+def _stepped(word: str, parser: OverridesParser) -> str:
     """Write a range of decimals as its values: Hydra's steps are rounded, and may reach the stop.
 
     Sweepers that search take a range as a whole.
     """
-    name, _, value = word.partition("=")
-    match = DECIMAL_RANGE.fullmatch(value)
-    if not match:
+    try:
+        override = parser.parse_override(word)
+    except (HydraException, RecursionError):
+        return word  # it is told below what cannot be read
+    sweep = override.value()
+    if not isinstance(sweep, RangeSweep):
         return word
-    start, stop, step = (Decimal(part or "1") for part in match.groups())
-    count = math.ceil((stop - start) / step) if step else 0
-    values = [start + i * step for i in range(count)]
-    return f"{name}={','.join(map(str, values))}" if values else word
+    if all(isinstance(number, int) for number in (sweep.start, sweep.stop, sweep.step)):
+        return word
+    start, step, count = _steps(sweep)
+    if not count or not sweep_fits(count):
+        return word  # it is refused when all are counted
+    values = ",".join(str(start + i * step) for i in range(count))
+    return f"{override.get_key_element()}={f'shuffle({values})' if sweep.shuffle else values}"
+
+
+def _steps(sweep: RangeSweep) -> tuple[Decimal, Decimal, int]:
+    """Start, step and number of values of a range, by its decimals as they were typed."""
+    start, stop, step = (
+        Decimal(str(decimal(number) if isinstance(number, float) else number))
+        for number in (sweep.start, sweep.stop, sweep.step)
+    )
+    if not (start.is_finite() and stop.is_finite() and step.is_finite() and step):
+        raise UsageError("range(start,stop,step) needs finite numbers and a step other than 0")
+    return start, step, max(math.ceil((stop - start) / step), 0)
 
 
 def _texts_in_choice(name: str, value: str) -> str:
@@ -171,11 +188,11 @@ def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
     Raises
     ------
     UsageError
-        If a line is no command line.
+        If a line is no command line, or they are more than can be held.
     """
     parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
     taken = {override.key_or_group for override in parser.parse_overrides(list(given))}
-    jobs = []
+    parsed = []
     for line in lines:
         try:
             if not isinstance(line, str):
@@ -183,15 +200,21 @@ def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
             overrides = parser.parse_overrides(readable(shlex.split(line), several=True))
             if any(override.key_or_group in ("sweep", "experiment") for override in overrides):
                 raise ValueError("a study within a study")
+            if any(each.is_sweep_override() != each.is_discrete_sweep() for each in overrides):
+                raise ValueError("values that only a search can choose")
             own = [override for override in overrides if override.key_or_group not in taken]
-            values = [_values(override) for override in own]
+            parsed.append(own)
         except (HydraException, ValueError, UsageError) as error:
             raise UsageError(
                 f"the entry {line!r} of sweep cannot be read: it is what would follow "
                 "`infoplan run -m`, like planner=uct,puct rho=0.1"
             ) from error
-        jobs += [[*given, *combination] for combination in itertools.product(*values)]
-    return jobs
+    check_sweep(sum(map(combinations, parsed)))
+    return [
+        [*given, *combination]
+        for own in parsed
+        for combination in itertools.product(*map(_values, own))
+    ]
 
 
 def _values(override: Override) -> list[str]:
@@ -201,22 +224,31 @@ def _values(override: Override) -> list[str]:
     return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
 
 
-def combinations(overrides: Sequence[str]) -> int:
-    """Count the jobs that Hydra's own sweeper makes of overrides; 1 if another sweeper is chosen.
+def combinations(overrides: Sequence[Override]) -> int:
+    """Count the jobs of overrides, of which the last of a name counts; none is written out.
 
-    Of a single override no more than a million values are counted.
+    Raises
+    ------
+    UsageError
+        If one of them has no value.
     """
-    if any(override.startswith("hydra/sweeper=") for override in overrides):
+    sizes = {override.key_or_group: _size(override) for override in overrides}
+    for name, count in sizes.items():
+        if not count:
+            raise UsageError(
+                f"the values of {name} are none: give a range or pattern that has some"
+            )
+    return math.prod(sizes.values())
+
+
+def _size(override: Override) -> int:
+    """Count the values of an override; 1 where Hydra or a sweeper that searches has to say."""
+    value = override.value()
+    if isinstance(value, RangeSweep):
+        return _steps(value)[2]
+    if not override.is_discrete_sweep():
         return 1
-    try:
-        parsed = OverridesParser.create().parse_overrides(list(overrides))
-        swept = [override for override in parsed if override.is_sweep_override()]
-        return math.prod(
-            sum(1 for _ in itertools.islice(override.sweep_string_iterator(), 1_000_000))
-            for override in swept
-        )
-    except HydraException:
-        return 1  # Hydra says what is wrong
+    return sum(1 for _ in override.sweep_string_iterator())
 
 
 def key(word: str) -> str:

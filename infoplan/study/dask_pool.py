@@ -6,6 +6,7 @@ import json
 import logging
 import multiprocessing
 import queue
+import shlex
 import time
 import uuid
 from collections import Counter
@@ -253,20 +254,23 @@ def _address(scheduler: str) -> str:
     if not scheduler.endswith(".json"):
         return scheduler
     path = user_path(scheduler)
+    start = f"`dask scheduler --scheduler-file {shlex.quote(str(path))}`"
     try:
         address = json.loads(read_regular(path, LARGEST_SCHEDULER_FILE))["address"]
     except OSError as error:
         raise RunError(
             f"the scheduler file {path} cannot be read ({error.strerror}): start a scheduler with "
-            f"`dask scheduler --scheduler-file {path}`, on a file system that both see"
+            f"{start}, on a file system that both see"
         ) from error
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise RunError(
-            f"the scheduler file {path} names no address: let `dask scheduler --scheduler-file "
-            f"{path}` write it anew"
+            f"the scheduler file {path} names no address: let {start} write it anew"
         ) from error
     if not isinstance(address, str):
-        raise RunError(f"the scheduler file {path} names no address: {address!r} is none")
+        raise RunError(
+            f"the scheduler file {path} names no address: {address!r} is none; let {start} write "
+            "it anew"
+        )
     return address
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from infoplan.caches import kernel_note
 from infoplan.config import Config
 from infoplan.errors import RunError
+from infoplan.files import remedy
 from infoplan.mission_cost import seconds_of
 from infoplan.study.estimate import Pace, kind_of
 from infoplan.study.flight import Outcome, Task
@@ -24,7 +25,6 @@ from infoplan.study.provenance import git_state
 from infoplan.study.signals import postponed, stoppable
 from infoplan.study.store import (
     inspect,
-    remedy,
     save_configuration,
     save_failure,
     save_mission,

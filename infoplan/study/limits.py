@@ -37,6 +37,11 @@ def check_count(missions: int, name: str) -> None:
         )
 
 
+def sweep_fits(configurations: int) -> bool:
+    """Whether the configurations of a sweep can be held."""
+    return configurations * CONFIGURATION_BYTES <= machine_memory()
+
+
 def check_sweep(configurations: int) -> None:
     """Refuse a sweep of more configurations than can be held, before they are composed.
 
@@ -45,11 +50,11 @@ def check_sweep(configurations: int) -> None:
     UsageError
         With the figure.
     """
-    needed = configurations * CONFIGURATION_BYTES
-    if needed > machine_memory():
+    if not sweep_fits(configurations):
         raise UsageError(
-            f"this sweep has {rough(configurations)} configurations, which take {size(needed)} of "
-            f"memory, and this machine gives a process {size(machine_memory())}: sweep in parts"
+            f"this sweep has {rough(configurations)} configurations, which take "
+            f"{size(configurations * CONFIGURATION_BYTES)} of memory, and this machine gives a "
+            f"process {size(machine_memory())}: sweep in parts"
         )
 
 

@@ -127,7 +127,7 @@ def replay_study(
     if (missing := next((seed for seed in wanted if seed not in stored), None)) is not None:
         raise UsageError(
             f"seed {missing} of {source.name} is not stored: use some of {source.seeds}, or fly it "
-            "with infoplan run"
+            "first"
         )
     prepare(results_dir)
     study = Study([run.name], [(run, list(wanted))], results_dir, flown=source.name)

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from infoplan.errors import UsageError
+from infoplan.text_options import as_command
 from infoplan.wording import counted, harmless, suggest
 
 SHORTEST = 4
@@ -39,10 +40,10 @@ def find_run(results_dir: Path, text: str) -> str:
     UsageError
         If it stands for none, or for several.
     """
-    return choose_run(text, stored_runs(results_dir), str(results_dir))
+    return choose_run(text, stored_runs(results_dir), results_dir)
 
 
-def choose_run(text: str, runs: Iterable[str], where: str) -> str:
+def choose_run(text: str, runs: Iterable[str], results_dir: str | Path) -> str:
     """Choose the run that a text stands for; otherwise as `find_run`.
 
     Parameters
@@ -51,14 +52,15 @@ def choose_run(text: str, runs: Iterable[str], where: str) -> str:
         As of `find_run`.
     runs
         Names of all runs that could be meant.
-    where
+    results_dir
         What holds them, for messages.
     """
     names = sorted(set(runs))
     if not names:
         raise UsageError(
-            f"run={text} is not stored in {where}, which holds no finished mission: fly one with "
-            "infoplan run, or name another results_dir="
+            f"run={text} is not stored in {results_dir}, which holds no finished mission: fly one "
+            f"with {as_command('infoplan run', results_dir)}, or name another "
+            "results_dir="
         )
     hashes = {name: name.rpartition("-")[2] for name in names}
     exact = [name for name in names if text in (name, hashes[name])]
@@ -73,18 +75,20 @@ def choose_run(text: str, runs: Iterable[str], where: str) -> str:
         return found[0]
     if found:
         raise UsageError(
-            f"run={text} stands for {counted(len(found), 'run')} in {where}: write more of the "
-            f"name, or the hash at its end, of {listed(found)}"
+            f"run={text} stands for {counted(len(found), 'run')} in {results_dir}: write more of "
+            f"the name, or the hash at its end, of {listed(found, results_dir)}"
         )
     near = suggest(text, [*names, *hashes.values()], 3)
     raise UsageError(
-        f"run={text} is not stored in {where}{near}: use {listed(names)}; the hash alone, or the "
-        "beginning of either, will do"
+        f"run={text} is not stored in {results_dir}{near}: use {listed(names, results_dir)}; the "
+        "hash alone, or the beginning of either, will do"
     )
 
 
-def listed(runs: list[str]) -> str:
-    """Name runs in a message, a few of many."""
+def listed(runs: list[str], results_dir: str | Path) -> str:
+    """Name runs of a folder in a message, a few of many."""
     shown = " or ".join(map(harmless, runs[:MOST_LISTED]))
     more = len(runs) - MOST_LISTED
-    return f"{shown} or {more} others (infoplan status)" if more > 0 else shown
+    if more <= 0:
+        return shown
+    return f"{shown} or {more} others ({as_command('infoplan status', results_dir)})"

@@ -2,10 +2,10 @@
 
 import warnings
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 from infoplan.config import Config, TerrainConfig, seed_list, validate
 from infoplan.errors import UsageError
+from infoplan.files import user_path
 from infoplan.mission_cost import check_mission
 from infoplan.study.estimate import learn
 from infoplan.study.executor import carry_out
@@ -76,7 +76,7 @@ def identify_study(configs: list[Config], say: Say) -> Study:
     terrains = load_terrains([config.terrain for config in configs], say)
     identified = [identify(*pair) for pair in zip(configs, terrains, strict=True)]
     runs = merge_runs(identified, [seed_list(config.seeds) for config in configs])
-    results_dir = Path(configs[0].results_dir).expanduser()
+    results_dir = user_path(configs[0].results_dir)
     return Study([run.name for run in identified], runs, results_dir)
 
 
@@ -102,7 +102,7 @@ def run_study(configs: list[Config], listener: Listener) -> Study:
         If a table cannot be stored, or the pool is lost; what is finished is kept.
     """
     check_study(configs)
-    prepare(Path(configs[0].results_dir).expanduser())
+    prepare(user_path(configs[0].results_dir))
     study = plan_study(configs, listener.say)
     carry_out(study, configs[0], listener)
     return study

@@ -13,7 +13,7 @@ import sys
 import time
 import uuid
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -25,7 +25,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from infoplan.errors import RunError, UsageError
-from infoplan.files import read_regular
+from infoplan.files import read_regular, remedy, writing
 from infoplan.study.columns import canonical, completed, values_digest
 from infoplan.study.identity import Run
 from infoplan.study.mission_tables import MissionTables
@@ -468,31 +468,5 @@ def _flush(stream: BinaryIO) -> None:
     os.fsync(stream.fileno())
 
 
-def remedy(error: OSError) -> str:
-    """Say what to do about a failure to write."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return "make room or name another results_dir"
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "name a results_dir that you may write to"
-    if error.errno in (errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ELOOP):
-        return "move what is in the way elsewhere or name another results_dir"
-    if error.errno == errno.ENAMETOOLONG:
-        return "name a shorter results_dir"
-    if error.errno in (errno.EMFILE, errno.ENFILE):
-        return "allow more open files (ulimit -n) or close some"
-    return "look after the disk or name another results_dir"
-
-
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Turn a failure of the file system into one sentence about the file that was meant."""
-    try:
-        yield
-    except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
-        raise RunError(
-            harmless(
-                f"{path} could not be written ({reason}): {remedy(error)}, then run the same "
-                "command again; what is finished is kept"
-            )
-        ) from error
+def _told(path: Path) -> AbstractContextManager[None]:
+    return writing(path, ", then run the same command again; what is finished is kept")

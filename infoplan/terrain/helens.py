@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from infoplan.caches import kept_file
 from infoplan.errors import RunError, UsageError
 from infoplan.files import read_regular, user_path
+from infoplan.text_options import as_override
 from infoplan.wording import harmless
 
 FILE = "helens.npy"
@@ -128,7 +129,7 @@ def _checked(file: Path, source: str) -> Path:
         raise UsageError(
             f"{harmless(file)} (from {source}) is not the paper's grid: its SHA-256 is {digest}, "
             f"not {SHA256}; replace it, or use it as a map of your own with terrain=file "
-            f"terrain.path={harmless(file)}"
+            f"{as_override('terrain.path', file)}"
         )
     return file
 

@@ -187,8 +187,8 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(tmp_path, monkeypatch,
     show = ["terrain", "show", "terrain=volcano"]
     assert main([*show, f"results_dir={tmp_path / 'file'}"]) == 1
     said = capfd.readouterr().err
-    assert "cannot be written to" in said
-    assert "Not a directory; choose another folder with results_dir=" in said
+    assert "could not be written (Not a directory)" in said
+    assert "move what is in the way elsewhere or name another results_dir" in said
     # As on a full disk: files end at 1000 bytes.
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
@@ -198,7 +198,7 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(tmp_path, monkeypatch,
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert status == 1
     said = capfd.readouterr().err
-    assert "File too large; choose another folder" in said
+    assert "File too large): make room or name another results_dir" in said
     assert len(said.splitlines()) == 1
 
 

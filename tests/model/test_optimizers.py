@@ -69,6 +69,16 @@ def test_lbfgs_keeps_the_curvature_of_earlier_calls():
     assert len(warm.points) < len(cold.points)
 
 
+def test_lbfgs_learns_no_scale_where_the_likelihood_is_hollow():
+    def wave(theta):  # its valley at pi is hollow, its peak at 0 round
+        return np.cos(theta).sum(), -np.sin(theta)
+
+    optimizer = Lbfgs()
+    optimizer.ascend(wave, np.full(4, 2.9), 2, BOUNDS)  # two points, both in the valley
+    theta = optimizer.ascend(wave, np.full(4, 0.5), 60, BOUNDS)
+    np.testing.assert_allclose(theta, 0.0, atol=1e-3)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_what_is_not_finite_is_never_taken(bad):
     def broken(theta):

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shlex
 import signal
 import socket
 import subprocess
@@ -142,7 +143,7 @@ def test_no_scheduler_is_one_sentence(address, tmp_path, capfd, monkeypatch):
     ],
 )
 def test_a_bad_scheduler_file_is_one_sentence(text, words, tmp_path, capfd):
-    file = tmp_path / "scheduler.json"
+    file = tmp_path / "it's = the, scheduler.json"
     if text is not None:
         file.write_text(text)
     line = ["terrain=volcano", "backend=dask", f"scheduler={file}", f"results_dir={tmp_path}"]
@@ -150,6 +151,8 @@ def test_a_bad_scheduler_file_is_one_sentence(text, words, tmp_path, capfd):
     said = capfd.readouterr().err
     assert said.startswith(f"infoplan: the scheduler file {file} {words}")
     assert len(said.splitlines()) == 1
+    remedy = said.partition("`")[2].rpartition("`")[0]
+    assert shlex.split(remedy) == ["dask", "scheduler", "--scheduler-file", str(file)]
 
 
 def test_a_port_that_never_answers_is_one_sentence(tmp_path, capfd, monkeypatch):

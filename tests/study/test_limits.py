@@ -87,6 +87,39 @@ def test_a_sweep_of_a_million_is_refused_before_it_is_composed(machine, capfd, t
     assert said.startswith("infoplan: this sweep has 1000000 configurations, which take 90.0 GB")
 
 
+HUGE = {
+    "sweep: ['sensor.noise_std=range(0,100000) budget=range(200,10200)']": "1.00e+09",
+    "sweep: ['rho=range(0,1,0.00001) sensor.noise_std=range(0,1000)', 'rho=0.1']": "1.00e+08",
+    "hydra: {sweeper: {params: {sensor.noise_std: 'range(0,100000)', budget: 'range(200,10200)'}}}":
+        "1.00e+09",
+    "hydra: {sweeper: {params: {rho: 'range(0,1,0.000000001)'}}}": "1.00e+09",
+}  # fmt: skip
+"""Experiments and how many configurations they are."""
+
+
+@pytest.mark.parametrize("content", HUGE)
+def test_an_experiment_of_too_many_is_refused_before_it_is_expanded(
+    content, machine, capfd, tmp_path
+):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "huge.yaml").write_text(f"# @package _global_\n{content}\n")
+    multirun = ["-m"] if "hydra" in content else []
+    assert main(["run", *multirun, "-cd", str(tmp_path), "experiment=huge", "terrain=volcano"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith(f"infoplan: this sweep has {HUGE[content]} configurations, which take")
+    assert len(said.splitlines()) == 1
+
+
+def test_the_studies_of_an_experiment_are_counted_over_all_jobs(machine, capfd, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "many.yaml").write_text(
+        "# @package _global_\nsweep: ['sensor.noise_std=range(0,100000)']\n"
+    )
+    line = ["run", "-cd", str(tmp_path), "experiment=many", "terrain=volcano", "-m", "rho=0.1,0.2"]
+    assert main(line) == 2
+    assert "this sweep has 200000 configurations" in capfd.readouterr().err
+
+
 def test_a_mission_from_python_is_refused_too(machine, volcano):
     with pytest.raises(UsageError, match=r"budget=100000000 needs about"):
         infoplan.fly(replace(quick(), budget=100_000_000), terrain=volcano)

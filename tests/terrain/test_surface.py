@@ -129,3 +129,4 @@ def test_a_workspace_too_small_large_or_long_for_its_digits_is_refused(extent):
         load_terrain("volcano", extent=extent)
     assert load_terrain("volcano", extent=[0, 1e-6, -1e-6, 1e-6]).extent[1] == 1e-6
     assert load_terrain("volcano", extent=[5e5, 6e5, 5.1e6, 5.2e6]).extent[3] == 5.2e6
+    assert load_terrain("volcano", extent=[-1e9, 1e9, 0, 1e9]).extent[1] == 1e9

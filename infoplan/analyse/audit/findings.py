@@ -158,7 +158,7 @@ def audit(
         )
     runs = sorted({name for name, _ in stored})
     if run is not None:
-        run = choose_run(run, runs, str(results_dir))
+        run = choose_run(run, runs, results_dir)
         stored = [(name, seed) for name, seed in stored if name == run]
     if seeds is not None:
         present = {seed for _, seed in stored}
