@@ -20,6 +20,7 @@ from infoplan.analyse.statistics import RESAMPLES, Interval
 from infoplan.analyse.tables import REPLAY, demand_whole, stored_footers
 from infoplan.config import METHODS
 from infoplan.errors import UsageError
+from infoplan.files import user_path
 from infoplan.method_identity import SPIKE, Method, labels, method_of
 from infoplan.options import plain_number
 from infoplan.study.store import read_table
@@ -170,7 +171,7 @@ def rank(
     RunError
         If a table cannot be read.
     """
-    folder = Path(results_dir).expanduser()
+    folder = user_path(results_dir)
     entries = _chosen(folder, filters or {})
     entries, notes = _with_common_settings(entries)
     where = _named(entries)

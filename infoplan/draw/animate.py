@@ -23,7 +23,8 @@ from infoplan.draw.recording import (
     run_to_show,
 )
 from infoplan.draw.scene import draw_pictures
-from infoplan.errors import RunError, UsageError
+from infoplan.errors import UsageError
+from infoplan.files import writing
 from infoplan.scoring import State
 from infoplan.trust import admit
 
@@ -108,14 +109,10 @@ def animate(
     path = results_dir / "figures" / f"{recording.run}-seed{seed}.{file_format}"
     unfinished = path.with_name(f".{path.name}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(pictures, unfinished, fps)
-        unfinished.replace(path)
-    except OSError as error:
-        raise RunError(
-            f"{path} could not be written ({error.strerror or error}): make room, or check that "
-            "you may write there"
-        ) from error
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(pictures, unfinished, fps)
+            unfinished.replace(path)
     finally:
         with suppress(OSError):
             unfinished.unlink(missing_ok=True)

@@ -230,7 +230,7 @@ def pooled_ratio(
 
 
 def alarm_map(selection: Selection, panels: Sequence[Panel]) -> dict[str, Any]:
-    """Hill-shaded map, and where each run raised false alarms, caught and missed spikes.
+    """Hill-shaded map, and where each run raised false alarms, caught and missed outliers.
 
     Returns
     -------
@@ -264,8 +264,8 @@ def _alarms_of(run: Selection, extent: Extent) -> dict[str, Any]:
     flagged, outlier = flown["flagged"].astype(bool), flown["is_outlier"].astype(bool)
     layers = {
         "false alarms": flagged & ~outlier,
-        "spikes caught": flagged & outlier,
-        "spikes missed": ~flagged & outlier,
+        "outliers caught": flagged & outlier,
+        "outliers missed": ~flagged & outlier,
     }
     return {
         "missions": len(run.missions),

@@ -347,8 +347,8 @@
     const [xmin, xmax, ymin, ymax] = extent;
     const side = 400;
     const tall = (side * (ymax - ymin)) / (xmax - xmin);
-    const marks = { "false alarms": cross, "spikes caught": disc, "spikes missed": triangle };
-    const off = new Set(["spikes missed"]);
+    const marks = { "false alarms": cross, "outliers caught": disc, "outliers missed": triangle };
+    const off = new Set(["outliers missed"]);
     let run = runs[data.map.first];
     const layers = svg("g");
     const buttons = document.getElementById("alarm-layers");

@@ -143,8 +143,8 @@ class Scene:
         axes.set_title("ground truth, path and samples", loc="left")
         (self.path,) = axes.plot([], [], color="white", lw=0.8, alpha=0.75)
         (self.newest,) = axes.plot([], [], ".-", color="white", lw=1.4, ms=3.5)
-        (self.missed,) = axes.plot([], [], "v", color="#FF4FB0", label="spike missed")
-        (self.caught,) = axes.plot([], [], "o", color="white", label="spike caught")
+        (self.missed,) = axes.plot([], [], "v", color="#FF4FB0", label="outlier missed")
+        (self.caught,) = axes.plot([], [], "o", color="white", label="outlier caught")
         (self.false_alarms,) = axes.plot([], [], "X", color="#FF6A00", label="false alarm")
         marks = [self.caught, self.missed, self.false_alarms]
         for mark in marks:

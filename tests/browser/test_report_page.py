@@ -256,7 +256,7 @@ def test_choices_change_detector_charts_and_map(browser):
     assert len(browser.all("#alarm-map path.false-alarms")) == 2
     browser.one("[data-layer='false alarms']").click()
     assert browser.all("#alarm-map path.false-alarms") == []
-    browser.one("[data-layer='spikes missed']").click()
+    browser.one("[data-layer='outliers missed']").click()
     assert len(browser.all("#alarm-map path.spikes-missed")) == 2
 
 

@@ -173,8 +173,8 @@ def test_the_map_counts_what_the_samples_say(data, results):
     samples = samples_of(results, "PUCT-COPOD").query("epoch > 0")
     wanted = {
         "false alarms": samples["flagged"] & ~samples["is_outlier"],
-        "spikes caught": samples["flagged"] & samples["is_outlier"],
-        "spikes missed": ~samples["flagged"] & samples["is_outlier"],
+        "outliers caught": samples["flagged"] & samples["is_outlier"],
+        "outliers missed": ~samples["flagged"] & samples["is_outlier"],
     }
     assert [layer["name"] for layer in run["layers"]] == list(wanted)
     for layer in run["layers"]:
