@@ -168,6 +168,20 @@ def model(started: float, sizes: list[int]) -> dict[str, Any]:
     return results
 
 
+def neighbours(started: float, sizes: list[int], largest: int, rival: int) -> dict[str, Any]:
+    """Time the process of nearest neighbours alone, and beside others."""
+    from benchmarks import gp, neighbours
+
+    growth = neighbours.growth(sizes)
+    return {
+        "growth": growth,
+        "time_exponent": gp.exponent(growth, "iteration_seconds"),
+        "memory_exponent": gp.exponent(growth, "peak_mib"),
+        "at_once": neighbours.at_once(largest, iterations=200),
+        "rivals": neighbours.rivals(rival, iterations=60),
+    }
+
+
 def tree_search(started: float, seeds: int = 5) -> dict[str, Any]:
     """Time the tree search."""
     from benchmarks.search import compare
@@ -207,7 +221,16 @@ def command(*arguments: str, environment: dict[str, str] | None = None) -> dict[
 
 JOBS = {
     job.__name__: job
-    for job in (mission, whole_mission, replays, worker_memory, model, tree_search, rates)
+    for job in (
+        mission,
+        whole_mission,
+        replays,
+        worker_memory,
+        model,
+        neighbours,
+        tree_search,
+        rates,
+    )
 }
 
 

@@ -1,6 +1,6 @@
 """Missions to time: configurations, flights, their floor, and replays of the data of one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest.mock import patch
 
@@ -8,7 +8,7 @@ import numpy as np
 
 import infoplan.model.gp
 from benchmarks.measure import Seconds, timed
-from infoplan.config import METHODS, GpConfig, MissionConfig
+from infoplan.config import METHODS, MissionConfig
 from infoplan.mission import explore
 from infoplan.model import GaussianProcess
 from infoplan.model.inference.exact import ExactInference
@@ -29,13 +29,14 @@ def configuration(
     *,
     budget: int = 2000,
     grid: tuple[int, int] = (50, 50),
+    name: str = "gp",
     **model: Any,
 ) -> MissionConfig:
-    """Return the default configuration with some options changed."""
+    """Return the default configuration with some options changed, those of the model by name."""
     return MissionConfig(
         planner=METHODS["planner"][planner],
         detector=METHODS["detector"][detector],
-        model=GpConfig(**model),
+        model=replace(METHODS["model"][name], **model),
         budget=budget,
         grid=list(grid),
     )

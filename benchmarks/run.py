@@ -51,9 +51,15 @@ class Scale:
     sizes: tuple[int, ...] = (500, 1000, 1900, 3800)
     far_budget: int = 5000
     far_grid: int = 200
+    near_sizes: tuple[int, ...] = (1000, 2000, 5000, 10_000, 20_000, 50_000)
+    near_budget: int = 20_000
+    rival: int = 3000
 
 
-QUICK = Scale(budget=250, repeats=1, seeds=1, sizes=(100, 200, 300), far_budget=300, far_grid=60)
+QUICK = Scale(
+    budget=250, repeats=1, seeds=1, sizes=(100, 200, 300), far_budget=300, far_grid=60,
+    near_sizes=(100, 200), near_budget=300, rival=200,
+)  # fmt: skip
 
 
 @dataclass
@@ -396,6 +402,71 @@ def past_the_paper(scale: Scale) -> Section:
     return lines, runs
 
 
+def nearest_neighbours(scale: Scale) -> Section:
+    """Fly missions with the process of nearest neighbours, and time it alone and beside others."""
+    kinds = {"gp": {}, "vecchia": {"name": "vecchia"}}
+    runs: dict[str, list[Any]] = {kind: [] for kind in kinds}
+    for _ in range(scale.repeats):
+        for kind, model in kinds.items():
+            runs[kind].append(run_job("mission", budget=scale.budget, model=model))
+    shortest = {kind: _shortest(found) for kind, found in runs.items()}
+    shares = {
+        clock: shortest["vecchia"][clock] / shortest["gp"][clock] for clock in ("wall", "cpu")
+    }
+    far = run_job("mission", budget=scale.near_budget, model=kinds["vecchia"])
+    cores = len(os.sched_getaffinity(0))
+    flights = {
+        method: run_job("mission", **options, budget=scale.budget, model=kinds["vecchia"])
+        for method, options in METHODS.items()
+    }
+    fig5 = (
+        sum(10 * FIGURE_5[m] * flight["seconds"]["wall"] for m, flight in flights.items()) / cores
+    )
+    alone = run_job(
+        "neighbours", sizes=list(scale.near_sizes), largest=scale.near_sizes[-1], rival=scale.rival
+    )
+    section, once, last = "12 vecchia", alone["at_once"], alone["growth"][-1]
+    lines = [
+        Line(
+            section, f"a mission of {scale.budget} samples over the same with model=gp",
+            f"{shares['wall']:.2f} (processor time {shares['cpu']:.2f}): "
+            f"{shortest['vecchia']['wall']:.2f} s",
+            "at most 0.25", max(shares.values()) <= 0.25,
+        ),
+        Line(
+            section, f"a mission of {scale.near_budget} samples",
+            f"{far['seconds']['wall']:.0f} s, {far['memory_mib']:.0f} MiB",
+            "at most 120 s", far["seconds"]["wall"] <= 120,
+        ),
+        Line(
+            section, f"estimate of Fig. 5: 140 missions on {cores} cores", f"{fig5 / 60:.1f} min",
+            "at most 3 min", fig5 <= 180,
+        ),
+        Line(
+            section, f"a log of {once['n']} samples at once, 200 iterations and a grid",
+            f"{once['seconds']:.0f} s", "at most 180 s", once["seconds"] <= 180,
+        ),
+        Line(
+            section, f"an iteration's time, from n = {scale.near_sizes[-2]} to {last['n']}",
+            f"n^{alone['time_exponent']:.2f}, {last['iteration_seconds']:.3f} s at the end",
+            "at most n^1.1", alone["time_exponent"] <= 1.1,
+        ),
+        Line(
+            section, f"memory, from n = {scale.near_sizes[-2]} to {last['n']}",
+            f"n^{alone['memory_exponent']:.2f}, {last['peak_mib']:.0f} MiB at the end",
+            "at most n^1.1", alone["memory_exponent"] <= 1.1,
+        ),
+    ]  # fmt: skip
+    lines += [
+        Line(
+            section, f"{name}: learning {scale.rival} samples and predicting 2500 nodes",
+            f"{found['seconds']:.2f} s, RMSE {found['rmse']:.4f}, NLPD {found['nlpd']:.3f}",
+        )
+        for name, found in alone["rivals"].items()
+    ]  # fmt: skip
+    return lines, {"missions": runs, "far": far, "methods": flights, "alone": alone}
+
+
 def kernels_of_the_product(scale: Scale) -> Section:
     """Compare the matrix product by the kernels that OpenBLAS picks with others."""
     found = {
@@ -452,6 +523,7 @@ SECTIONS: dict[str, Callable[[Scale], Section]] = {
     "start": start_up,
     "workers": workers_in_parallel,
     "far": past_the_paper,
+    "neighbours": nearest_neighbours,
     "blas": kernels_of_the_product,
 }
 

@@ -30,6 +30,8 @@ SOURCES = (
     "compiled.py",
     "model/covariance.py",
     "model/exponential.py",
+    "model/inference/conditionals.py",
+    "model/inference/neighbours.py",
     "model/kernel.py",
     *sorted(f"model/kernels/{file.name}" for file in (_PACKAGE / "model/kernels").glob("*.py")),
     "model/packed.py",

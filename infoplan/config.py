@@ -389,6 +389,27 @@ class GpConfig(ModelConfig):
 
 
 @dataclass
+class VecchiaConfig(GpConfig):
+    """Gaussian process regression from nearest neighbours; its cost is linear in the samples."""
+
+    name: str = option("vecchia", "model", choices=("vecchia",))
+    neighbours: int = option(
+        30, "samples that a block is conditioned on in the likelihood", at_least=1, at_most=1000
+    )
+    block: int = option(
+        7, "samples that are conditioned together in the likelihood", at_least=1, at_most=100
+    )
+    prediction_neighbours: int = option(
+        160, "samples that a prediction is conditioned on", at_least=1, at_most=5000
+    )
+    ordering: str = option(
+        "collected",
+        "order of conditioning: as they come, far from all before, or at random",
+        choices=("collected", "maxmin", "random"),
+    )
+
+
+@dataclass
 class StudentTConfig(ModelConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
@@ -671,7 +692,12 @@ METHODS: dict[str, dict[str, Any]] = {
         "qartod": QartodConfig(),
         "own": OwnDetectorConfig(),
     },
-    "model": {"gp": GpConfig(), "student_t": StudentTConfig(), "own": OwnModelConfig()},
+    "model": {
+        "gp": GpConfig(),
+        "student_t": StudentTConfig(),
+        "vecchia": VecchiaConfig(),
+        "own": OwnModelConfig(),
+    },
     "fault": {
         "spike": SpikeConfig(),
         "max_range": MaxRangeConfig(),
@@ -785,7 +811,7 @@ if TYPE_CHECKING:
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
         """Options of all terrains."""
 
-    class AnyModel(GpConfig, StudentTConfig, OwnModelConfig):
+    class AnyModel(VecchiaConfig, StudentTConfig, OwnModelConfig):
         """Options of all models."""
 
     class AnyFault(

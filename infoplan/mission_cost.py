@@ -30,6 +30,9 @@ PAIR_BYTES = {"gp": 8, "student_t": 48}
 DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
 """Of a judged sample and one that it is judged by."""
 
+GROUP = 25
+"""Nodes that a model of nearest neighbours predicts from the same samples."""
+
 BLOCK = 512
 """Nodes that are predicted at a time."""
 
@@ -72,7 +75,7 @@ def parts(config: MissionConfig) -> list[Part]:
     return [
         Part(nodes * NODE_BYTES, f"the query grid of {rough(nodes)} nodes", f"grid={config.grid}"),
         Part(
-            budget * SAMPLE_BYTES + pairs * budget**2 + predicted,
+            budget * SAMPLE_BYTES + pairs * budget**2 + predicted + _neighbour_bytes(config),
             f"the model of {rough(budget)} samples", f"budget={config.budget}",
         ),
         Part(
@@ -130,6 +133,11 @@ def seconds_of(config: MissionConfig) -> float:
     epochs = max((budget - pilot) / batch, 1.0)
     per_epoch = batch if config.model.iterations == "per_sample" else float(config.model.iterations)
     operations = 0.0
+    if config.model.name == "vecchia":
+        block, near = config.model.block, config.model.neighbours + config.model.block
+        fitted = config.model.pilot_iterations * pilot + epochs * per_epoch * budget / 2
+        operations += fitted / block * near**3
+        operations += epochs * nodes / GROUP * min(config.model.prediction_neighbours, budget) ** 3
     if config.model.name in PAIR_BYTES:
         # Of the factors of ever larger matrices the mean is a quarter of the last, of squares a
         # third.
@@ -142,6 +150,15 @@ def seconds_of(config: MissionConfig) -> float:
     else:
         planning = _plan_actions(config) * robot.steering_angles * along * PYTHON_STEP_SECONDS
     return operations / FLOPS + epochs * planning
+
+
+def _neighbour_bytes(config: MissionConfig) -> float:
+    """Bytes for the numbers of neighbours, of blocks of samples and of groups of nodes."""
+    model, nodes = config.model, float(config.grid[0]) * config.grid[1]
+    if model.name != "vecchia":
+        return 0.0
+    blocks = 24.0 * config.budget / model.block * model.neighbours
+    return blocks + 8.0 * nodes / GROUP * model.prediction_neighbours
 
 
 def _plan_actions(config: MissionConfig) -> float:

@@ -12,9 +12,18 @@ pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[1]
 # The reference is an extra of its own.
-SECTIONS = ["optimiser", "search", "memory", "start", "far", "blas", "floor", "rmse", "workers"] + (
-    ["mission"] if find_spec("pypolo") else []
-)
+SECTIONS = [
+    "optimiser",
+    "search",
+    "memory",
+    "start",
+    "far",
+    "blas",
+    "floor",
+    "rmse",
+    "workers",
+    "neighbours",
+] + (["mission"] if find_spec("pypolo") else [])
 
 
 @pytest.fixture(scope="module")

@@ -160,6 +160,15 @@ OF_THE_CHOICE = {
         **DETECTOR,
     },
     ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **MODEL},
+    ("model", "vecchia"): {
+        "model.neighbours": 3,
+        "model.block": 2,
+        "model.prediction_neighbours": 9,
+        "model.ordering": "maxmin",
+        "model.dtype": "float32",
+        **NUMBERS_OF_THE_GP,
+        **MODEL,
+    },
     ("model", "own"): {
         "model.options": {"width": 0.2},
         "model.function": "own_methods.Rough",

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from infoplan.detect.evidence import Evidence, Judgement
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 class Conditioned(Protocol):
     """What the detector needs of a model: `infoplan.model.GaussianProcess.weights_and_inverse`."""
 
-    def weights_and_inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Solve for the weights of some data, and invert their covariance."""
+    def weights_and_inverse(self, x: Floats, y: Floats, chosen: Integers) -> tuple[Floats, Floats]:
+        """Solve for the weights of some data, and invert their covariance, for the chosen ones."""
         ...
 
 
@@ -58,9 +59,8 @@ def gp_residual(
         Absolute standardised residual, when it was dropped or at the end; NaN where not judged.
     """
     among = np.flatnonzero(samples.candidates)
-    weights, inverse = model.weights_and_inverse(samples.x[among], samples.measured[among])
     mine = np.flatnonzero(samples.judged[among])
-    weights, inverse = weights[mine], inverse[np.ix_(mine, mine)]  # copies
+    weights, inverse = model.weights_and_inverse(samples.x[among], samples.measured[among], mine)
     scores = np.abs(weights) / np.sqrt(inverse.diagonal())
     dropped = np.zeros(len(mine), dtype=bool)
     if not one_by_one:

@@ -58,7 +58,7 @@ class Line:
     clock: Clock = field(init=False)
 
     def __post_init__(self) -> None:
-        self.clock = Clock(self.budget)
+        self.clock = Clock(self.budget, self.kind.progress)
 
     @property
     def share(self) -> float:
@@ -119,7 +119,8 @@ class Display:
     def start(self, mission: int) -> None:
         """Show that a mission is under way."""
         line = self.lines[mission]
-        line.state, line.collected, line.clock = "under way", 0, Clock(line.budget)
+        line.state, line.collected = "under way", 0
+        line.clock = Clock(line.budget, line.kind.progress)
         line.clock.report(0)
 
     def finish(self, mission: int, seconds: float, rmse: float) -> None:

@@ -11,8 +11,13 @@ from infoplan.model.gp import GaussianProcess
 from infoplan.model.inference.exact import log_marginal_likelihood
 from infoplan.model.kernel import Hyperparameter, Kernel
 from infoplan.model.student_t import StudentTProcess
+from infoplan.model.vecchia import VecchiaProcess
 
-MODELS: dict[str, Callable[..., Any]] = {"gp": GaussianProcess, "student_t": StudentTProcess}
+MODELS: dict[str, Callable[..., Any]] = {
+    "gp": GaussianProcess,
+    "student_t": StudentTProcess,
+    "vecchia": VecchiaProcess,
+}
 
 __all__ = [
     "MODELS",
@@ -20,5 +25,6 @@ __all__ = [
     "Hyperparameter",
     "Kernel",
     "StudentTProcess",
+    "VecchiaProcess",
     "log_marginal_likelihood",
 ]

@@ -47,7 +47,7 @@ def passes_of(kernel: Kernel) -> Passes:
     """Return the passes of a kernel; each is compiled at its first call."""
     correlation, gradient = kernel.correlation, kernel.gradient
     nothing = (0.0,) * (1 + len(kernel.hyperparameters))
-    add = _adder(len(nothing))
+    add = adder(len(nothing))
 
     @compiled(fastmath={"contract"})
     def fill(
@@ -94,7 +94,7 @@ def passes_of(kernel: Kernel) -> Passes:
 
 
 @cache
-def _adder(n: int) -> Callable[[Sums, Sums], Sums]:
+def adder(n: int) -> Callable[[Sums, Sums], Sums]:
     """Return a compiled sum of two tuples of n numbers; a loop over n would not vectorise."""
     if n == 1:
 
@@ -103,7 +103,7 @@ def _adder(n: int) -> Callable[[Sums, Sums], Sums]:
             return (a[0] + b[0],)
 
         return add_one
-    add_rest = _adder(n - 1)
+    add_rest = adder(n - 1)
 
     @compiled(fastmath={"contract", "reassoc"})
     def add(a: Sums, b: Sums) -> Sums:

@@ -179,7 +179,9 @@ class Regression:
         y_mean, y_std = self._scaler.y_mean, self._scaler.y_std
         return y_mean + y_std * mean, y_std * np.sqrt(variance)
 
-    def weights_and_inverse(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def weights_and_inverse(
+        self, x: np.ndarray, y: np.ndarray, chosen: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Condition on other data under the present hyperparameters; the model stays as it is.
 
         What leave-one-out predictions in closed form need (Rasmussen & Williams, eq. 5.12): the
@@ -191,13 +193,15 @@ class Regression:
             Positions, workspace units.
         y : array_like of shape (n,)
             Measurements.
+        chosen : ndarray of int, shape (c,)
+            Numbers of the data that are asked for.
 
         Returns
         -------
-        weights : ndarray of shape (n,)
-            w = K_y^-1 y, scaled units.
-        inverse : ndarray of shape (n, n)
-            P = K_y^-1, with the variance of the observation noise and the jitter in K_y.
+        weights : ndarray of shape (c,)
+            Theirs of w = K_y^-1 y, scaled units.
+        inverse : ndarray of shape (c, c)
+            Theirs of P = K_y^-1, with the variance of the observation noise and the jitter in K_y.
 
         Raises
         ------
@@ -207,9 +211,10 @@ class Regression:
         x, y = checked(x, y)
         inference = ExactInference(self._kernel, self.jitter)
         inference.set_data(self._scaler.inputs(x), self._scaler.outputs(y))
-        return inference.weights_and_inverse(
+        weights, inverse = inference.weights_and_inverse(
             with_noise_variance(self._theta, self._noise_variance())
         )
+        return weights[chosen], inverse[np.ix_(chosen, chosen)]
 
     def _noise_variance(self) -> float:
         """Variance of the observation noise, scaled units."""

@@ -17,6 +17,12 @@ GROWTH = 2.5
 PROGRESS = 3.5
 """Exponent by which the time since the pilot grows with the samples collected, as measured."""
 
+LINEAR = ("vecchia",)
+"""Models whose cost an epoch grows with the samples: both exponents are `GROWTH_OF_LINEAR`."""
+
+GROWTH_OF_LINEAR = 1.6
+"""As measured up to 8000."""
+
 TIMELESS = ("rho", "terrain", "sensor", "outliers", "fault", "numerics_version")
 """Parts of the configuration that hardly change the time."""
 
@@ -26,16 +32,30 @@ MEANINGFUL = 0.05
 
 @dataclass(frozen=True)
 class Kind:
-    """Missions that should take the same time: their options, and their work in arbitrary units."""
+    """Missions that should take the same time.
+
+    Attributes
+    ----------
+    options
+        What the time depends on.
+    work
+        In arbitrary units.
+    progress
+        Exponent by which the time since the pilot grows with the samples collected.
+    """
 
     options: str
     work: float
+    progress: float = PROGRESS
 
 
 def kind_of(science: Mapping[str, Any]) -> Kind:
     """Kind of the missions of a run, from its `science`."""
     timely = {name: value for name, value in science.items() if name not in TIMELESS}
-    return Kind(json.dumps(timely, sort_keys=True), float(science["budget"]) ** GROWTH)
+    growth, progress = GROWTH, PROGRESS
+    if science["model"]["name"] in LINEAR:
+        growth = progress = GROWTH_OF_LINEAR
+    return Kind(json.dumps(timely, sort_keys=True), float(science["budget"]) ** growth, progress)
 
 
 class Pace:
@@ -91,8 +111,8 @@ class Clock:
         Samples of the mission.
     """
 
-    def __init__(self, budget: int) -> None:
-        self.budget = budget
+    def __init__(self, budget: int, progress: float = PROGRESS) -> None:
+        self.budget, self.progress = budget, progress
         self.started: float | None = None
         self.pilot: tuple[float, float] | None = None
         self.latest: tuple[float, float] | None = None
@@ -109,7 +129,7 @@ class Clock:
 
     def share(self, collected: int) -> float:
         """Share of the work that is done after a number of samples."""
-        return (collected / self.budget) ** PROGRESS
+        return (collected / self.budget) ** self.progress
 
     def total(self) -> float | None:
         """Seconds of the whole mission by its own pace; None while that says nothing."""

@@ -88,6 +88,38 @@ def test_the_student_t_process_is_recomputed(small, volcano, tmp_path, table, co
     assert check in failing(tmp_path, name)
 
 
+NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}
+
+
+@pytest.mark.parametrize("ordering", ["collected", "maxmin", "random"])
+@pytest.mark.parametrize("scope", ["batch", "historical"])
+def test_the_process_of_nearest_neighbours_is_recomputed(small, volcano, tmp_path, ordering, scope):
+    name = store(
+        small, volcano, tmp_path, model=("vecchia", {**NEAR, "ordering": ordering}),
+        detector=("gp_residual", {"threshold": 2.0, "scope": scope}),
+    )  # fmt: skip
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    models = [finding for finding in findings if finding.check.endswith("models")]
+    assert [finding.omitted for finding in models] == [""]
+    for table, column, check in [
+        ("curves", "lml", "final model"), ("maps", "mean", "final model"),
+        ("samples", "score", "scores"),
+    ]:  # fmt: skip
+        touch(tmp_path, table, name, column, lambda value: value * 1.001)
+        assert check in failing(tmp_path, name)
+
+
+def test_neighbours_of_a_history_that_is_not_stored_are_passed_over(small, volcano, tmp_path):
+    name = store(
+        small, volcano, tmp_path, model=("vecchia", NEAR),
+        detector=("own", {"function": "own_methods.high", "scope": "historical"}),
+    )  # fmt: skip
+    findings = {finding.check: finding for finding in audit_mission(tmp_path, name, 2)}
+    assert all(finding.holds for finding in findings.values())
+    assert "what the model held before" in findings["final model"].omitted
+
+
 def test_what_cannot_be_repeated_is_passed_over(small, volcano, tmp_path):
     name = store(
         small, volcano, tmp_path,

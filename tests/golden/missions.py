@@ -36,6 +36,10 @@ MISSIONS = {
     ],
     "random-pyod": ["planner=random", "detector=pyod", "detector.model=IForest"],
     "random-student-t": ["planner=random", "detector=none", "model=student_t"],
+    "random-vecchia": [
+        "planner=random", "detector=gp_residual", "model=vecchia", "model.neighbours=8",
+        "model.prediction_neighbours=30",
+    ],
     "random-lbfgs": ["planner=random", "detector=best", "model.optimizer=lbfgs"],
     "random-float32": ["planner=random", "detector=best", "model.dtype=float32"],
     "random-per-sample": ["planner=random", "detector=best", "model.iterations=per_sample"],

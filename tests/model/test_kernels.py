@@ -152,7 +152,7 @@ def test_learning_and_prediction_are_those_of_the_kernel(kernel, dtype, optimize
     np.testing.assert_allclose(mean, pilot.mean() + pilot.std() * (cross @ inverse @ targets),
                                rtol=close)  # fmt: skip
     np.testing.assert_allclose(std, pilot.std() * np.sqrt(variance), rtol=close)
-    weights, precision = gp.weights_and_inverse(x, y)
+    weights, precision = gp.weights_and_inverse(x, y, np.arange(len(y)))
     np.testing.assert_allclose(precision, inverse, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(weights, inverse @ targets, rtol=1e-5, atol=1e-5)
 

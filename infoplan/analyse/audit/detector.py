@@ -1,11 +1,20 @@
 """Checks of what was flagged: scores, flags, confusion counts, outlier density."""
 
+from itertools import repeat as repeat_forever
+from typing import Any
+
 import numpy as np
 from scipy import stats
 from scipy.ndimage import gaussian_filter
 
-from infoplan.analyse.audit import repeat
-from infoplan.analyse.audit.model import noise_factor, reference_kernel, scaled_samples
+from infoplan.analyse.audit import neighbours, repeat
+from infoplan.analyse.audit.model import (
+    neighbourhoods,
+    noise_factor,
+    reference_kernel,
+    scaled_samples,
+)
+from infoplan.analyse.audit.neighbours import Neighbourhood
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
@@ -46,11 +55,15 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     historical = mission.option("detector.scope") == "historical"
     scores, flags = np.full(mission.n_pilot, np.nan), ~mission.told[: mission.n_pilot]
     judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
+    has_neighbours = mission.option("model.name") == "vecchia"
+    taught = neighbourhoods(mission, judgements) if has_neighbours else repeat_forever(None)
     for e in range(1, len(mission.curves)):
         n = int(np.sum(mission.epoch <= e))
         kept = 0 if historical else len(scores)
         accepted = np.append(~flags[:kept], np.ones(n - kept, dtype=bool))
-        new_scores, new_flags = _judge_told(mission, e, accepted, np.arange(n) >= kept)
+        new_scores, new_flags = _judge_told(
+            mission, e, accepted, np.arange(n) >= kept, np.flatnonzero(~flags), next(taught)
+        )
         scores = np.concatenate([scores[:kept], new_scores[kept:]])
         flags = np.concatenate([flags[:kept], new_flags[kept:]])
         judgements.append((scores, flags))
@@ -82,20 +95,32 @@ def _is_tame(mission: StoredMission) -> bool:
 
 
 def _judge_told(
-    mission: StoredMission, epoch: int, candidates: Booleans, judged: Booleans
+    mission: StoredMission,
+    epoch: int,
+    candidates: Booleans,
+    judged: Booleans,
+    held: Integers,
+    neighbourhood: Neighbourhood,
 ) -> tuple[Floats, Booleans]:
     """Do as `_judge`, where samples without a measurement are flagged unseen."""
     told = mission.told[: len(judged)]
     scores, flags = np.full(len(judged), np.nan), ~told
     if judged[told].any():
         scores[told], flags[told] = _judge(
-            mission, np.flatnonzero(told), epoch, candidates[told], judged[told]
-        )
+            mission, np.flatnonzero(told), epoch, candidates[told], judged[told], held,
+            neighbourhood,
+        )  # fmt: skip
     return scores, flags
 
 
 def _judge(
-    mission: StoredMission, samples: Integers, epoch: int, candidates: Booleans, judged: Booleans
+    mission: StoredMission,
+    samples: Integers,
+    epoch: int,
+    candidates: Booleans,
+    judged: Booleans,
+    held: Integers,
+    neighbourhood: Neighbourhood,
 ) -> tuple[Floats, Booleans]:
     """Judge samples collected by the end of an epoch.
 
@@ -109,6 +134,8 @@ def _judge(
         What the model holds unless it is flagged now, shape (n,).
     judged
         Whose judgement counts, shape (n,).
+    held, neighbourhood
+        Numbers of the samples that the model holds, and, if it has such, their blocks.
 
     Returns
     -------
@@ -141,11 +168,20 @@ def _judge(
         x, y = scaled_samples(mission)
         state = mission.curves.iloc[epoch - 1]  # the model has not seen the batch
         noise = state["noise_std"] ** 2 * noise_factor(mission) + state["jitter"]
-        return repeat.gp_residuals(
-            x[samples], y[samples], reference_kernel(mission, state), noise, candidates, judged,
+        noisy = (reference_kernel(mission, state), noise)
+        accepted, asked = samples[candidates], samples[judged]
+        residual, covariance = (
+            _by_neighbours(mission, x, y, *noisy, accepted, asked, held, *neighbourhood)
+            if neighbourhood
+            else repeat.given_the_rest(x[samples], y[samples], *noisy, candidates, judged)
+        )
+        scores, flags = np.full(n, np.nan), np.zeros(n, dtype=bool)
+        scores[judged], flags[judged] = repeat.leave_one_out(
+            residual, covariance,
             float(mission.option("detector.threshold")),
             bool(mission.option("detector.one_by_one")),
         )  # fmt: skip
+        return scores, flags
     if name.startswith("pyod_"):
         columns = {"x1": "x1", "x2": "x2", "y": "measured"}
         features = [columns[feature] for feature in mission.option("detector.features")]
@@ -158,6 +194,28 @@ def _judge(
         )
     outlier = mission.samples["is_outlier"].to_numpy()[samples]
     return np.full(n, np.nan), outlier if name == "best" else np.zeros(n, dtype=bool)
+
+
+def _by_neighbours(
+    mission: StoredMission,
+    x: Floats,
+    y: Floats,
+    kernel: Any,
+    noise: float,
+    accepted: Integers,
+    asked: Integers,
+    held: Integers,
+    blocks: neighbours.Blocks,
+    units: Floats,
+) -> tuple[Floats, Floats]:
+    """Do as `repeat.given_the_rest`, by numbers, in the distribution that a model's blocks make."""
+    blocks = neighbours.taught(
+        x, held, blocks, accepted, units, int(mission.option("model.block")),
+        int(mission.option("model.neighbours")), str(mission.option("model.ordering")),
+    )  # fmt: skip
+    weights, precision = neighbours.information(x, y, kernel, noise, blocks, asked)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return covariance @ weights, covariance
 
 
 def _stored_judgements(mission: StoredMission) -> list[tuple[Floats, Booleans] | None]:

@@ -1,5 +1,8 @@
 """Checks of what the model predicts: hyperparameters, scores, the final and earlier models."""
 
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -9,13 +12,15 @@ from scipy.interpolate import RegularGridInterpolator
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel
 
-from infoplan.analyse.audit import repeat
+from infoplan.analyse.audit import neighbours, repeat
+from infoplan.analyse.audit.neighbours import Neighbourhood
 from infoplan.analyse.audit.stored import (
     ROUNDING,
     Booleans,
     Epochs,
     FaultError,
     Floats,
+    Judgements,
     Partial,
     StoredMission,
     demand,
@@ -122,6 +127,46 @@ def _fit_student_t(
     return centre + scale * mean, scale * std, lml
 
 
+def _fit_vecchia(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
+    """Do as `_fit` for the process of nearest neighbours, by its definition."""
+    state, (x, y) = mission.curves.iloc[row], scaled_samples(mission)
+    kernel, noise = reference_kernel(mission, state), state["noise_std"] ** 2 + state["jitter"]
+    found = _all_neighbourhoods(mission)[row]
+    assert found is not None  # what was in use by then is known, and so is what was before
+    blocks, units = found
+    centre, scale = _elevation_scaler(mission)
+    mean, std = neighbours.predict(
+        x, y, kernel, noise, np.flatnonzero(used), _scaled(mission, mission.maps), units,
+        int(mission.option("model.prediction_neighbours")),
+    )  # fmt: skip
+    lml = neighbours.log_likelihood(x, y, kernel, noise, blocks)
+    return centre + scale * mean, scale * std, lml
+
+
+def neighbourhoods(mission: StoredMission, judgements: Judgements) -> Iterator[Neighbourhood]:
+    """Give the blocks that the process of nearest neighbours has after each epoch.
+
+    Parameters
+    ----------
+    judgements
+        May grow while the epochs are gone through.
+    """
+    names = ["lengthscale_1", "lengthscale_2"]
+    return neighbours.follow(
+        scaled_samples(mission)[0],
+        (None if judged is None else np.flatnonzero(~judged[1]) for judged in judgements),
+        iter(mission.curves[names].to_numpy(dtype=float)),
+        int(mission.option("model.block")),
+        int(mission.option("model.neighbours")),
+        str(mission.option("model.ordering")),
+    )
+
+
+@lru_cache(maxsize=1)
+def _all_neighbourhoods(mission: StoredMission) -> list[Neighbourhood]:
+    return list(islice(neighbourhoods(mission, mission.judgements), len(mission.curves)))
+
+
 def _elevation_scaler(mission: StoredMission) -> tuple[float, float]:
     """Mean and deviation of the pilot's measurements."""
     pilot = mission.samples["measured"].to_numpy()[: mission.n_pilot]
@@ -178,8 +223,8 @@ def _compare_row(mission: StoredMission, row: int, used: Booleans) -> tuple[Floa
     tolerance : float
         What may lie between them and the mission's, terrain's unit.
     """
-    fit = _fit_student_t if mission.option("model.name") == "student_t" else _fit
-    mean, std, lml = fit(mission, row, used)
+    fits = {"student_t": _fit_student_t, "vecchia": _fit_vecchia}
+    mean, std, lml = fits.get(mission.option("model.name"), _fit)(mission, row, used)
     precision = _precision(mission)
     tolerance = precision * _elevation_scaler(mission)[1]
     recorded = float(mission.curves["lml"][row])
@@ -244,6 +289,8 @@ def check_final_model(mission: StoredMission) -> str | Partial:
     if mission.is_own("model"):
         return Partial("", OWN)
     last = len(mission.curves) - 1
+    if mission.option("model.name") == "vecchia" and _all_neighbourhoods(mission)[last] is None:
+        return Partial("", "the neighbours follow from what the model held before, not all stored")
     used = mission.samples["used"].to_numpy()
     mean, std, tolerance = _compare_row(mission, last, used)
     parts = []
@@ -264,6 +311,8 @@ def check_earlier_models(mission: StoredMission) -> str | Partial:
         return Partial("", f"epochs {spans(range(last))}: which mode was found is not stored")
     chosen = _chosen(mission.epochs, last)
     known = {row: judgement for row in chosen if (judgement := mission.judgements[row]) is not None}
+    if mission.option("model.name") == "vecchia":
+        known = {row: known[row] for row in known if _all_neighbourhoods(mission)[row] is not None}
     for row, (_, flags) in known.items():
         _compare_row(mission, row, ~flags)
     detail = f"epochs {spans(known)} give their rows" if known else ""

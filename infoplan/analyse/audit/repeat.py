@@ -101,20 +101,10 @@ def qartod_scores(
     return scores
 
 
-def gp_residuals(
-    x: Floats,
-    y: Floats,
-    kernel: Any,
-    noise: float,
-    candidates: Booleans,
-    judged: Booleans,
-    threshold: float,
-    one_by_one: bool,
-) -> tuple[Floats, Booleans]:
-    """Leave-one-out residuals of a Gaussian process, and those too large.
-
-    The judged samples are predicted jointly from the other candidates; each of them is then
-    predicted from that and the rest of them.
+def given_the_rest(
+    x: Floats, y: Floats, kernel: Any, noise: float, candidates: Booleans, judged: Booleans
+) -> tuple[Floats, Floats]:
+    """Predict the judged samples jointly from the other candidates, by a Gaussian process.
 
     Parameters
     ----------
@@ -126,15 +116,11 @@ def gp_residuals(
         Variance of the observations beside it.
     candidates, judged
         What is in the process, and what may leave it, shape (n,).
-    threshold
-        Largest residual kept, standard deviations.
-    one_by_one
-        Take out the worst, look at the rest without it, and so on; else all at once.
 
     Returns
     -------
-    scores, flags : ndarrays, shape (n,)
-        Scores are NaN where not judged.
+    residual, covariance : ndarrays, shapes (m,) and (m, m)
+        Measurements less their predictions, and the covariance of these.
     """
     given, asked = np.flatnonzero(candidates & ~judged), np.flatnonzero(judged)
     covariance = kernel(x[asked]) + noise * np.eye(len(asked))
@@ -144,7 +130,28 @@ def gp_residuals(
         explained = np.linalg.solve(kernel(x[given]) + noise * np.eye(len(given)), cross)
         covariance -= cross.T @ explained
         residual -= explained.T @ y[given]
-    left = np.arange(len(asked))
+    return residual, covariance
+
+
+def leave_one_out(
+    residual: Floats, covariance: Floats, threshold: float, one_by_one: bool
+) -> tuple[Floats, Booleans]:
+    """Standardised residuals of each sample given all others, and those too large.
+
+    Parameters
+    ----------
+    residual, covariance
+        From `given_the_rest`.
+    threshold
+        Largest residual kept, standard deviations.
+    one_by_one
+        Take out the worst, look at the rest without it, and so on; else all at once.
+
+    Returns
+    -------
+    scores, flags : ndarrays, shape (m,)
+    """
+    left = np.arange(len(residual))
     precision = np.linalg.inv(covariance)
     found = np.abs(precision @ residual) / np.sqrt(np.diag(precision))
     flagged = found > threshold
@@ -163,9 +170,7 @@ def gp_residuals(
             left = left[rest]
             current = np.abs(precision @ residual[left]) / np.sqrt(np.diag(precision))
             found[left] = current
-    scores, flags = np.full(len(y), np.nan), np.zeros(len(y), dtype=bool)
-    scores[asked], flags[asked] = found, flagged
-    return scores, flags
+    return found, flagged
 
 
 def pyod_judgement(

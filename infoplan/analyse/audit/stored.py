@@ -52,7 +52,7 @@ class FaultError(Exception):
     """A check fails; the message is the finding's detail."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StoredMission:
     """A stored mission as it was read."""
 
