@@ -267,7 +267,8 @@ def _checked_size(batch: Readings) -> Readings:
     if (huge := np.abs(batch.measured) > LARGEST).any():
         raise RunError(
             f"a measurement is {batch.measured[huge][0]:.3g}, beyond {LARGEST:g} in size: make "
-            "sensor.noise_std, the sizes of the fault or the terrain's elevations smaller"
+            "sensor.noise_std, the sizes of the fault (fault.amplitude and its like) or the "
+            "terrain's elevations smaller"
         )
     return batch
 

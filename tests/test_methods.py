@@ -28,9 +28,15 @@ from infoplan.study.identity import identify
 CODE = """
 import numpy as np
 
+from infoplan.fault import Corrupted
+
 
 def picky(samples, model, rng, *, threshold: float = 2, how: str = "far", deep: list[int] = [1]):
     return samples.measured > 1e9, samples.measured
+
+
+def lowered(sensed, state, rho, rng, *, by: float = 3.0):
+    return Corrupted(sensed.measured - by, np.ones(len(sensed), dtype=bool), state)
 
 
 def ahead(situation, rng, *, actions: int = 2):
@@ -144,7 +150,9 @@ def test_what_is_stored_comes_back(group, choice, write):
     path = write()
     options = METHODS[group][choice]
     if choice == "own":
-        function = {"planner": "ahead", "detector": "picky", "model": "Flat"}[group]
+        function = {
+            "planner": "ahead", "detector": "picky", "model": "Flat", "fault": "lowered",
+        }[group]  # fmt: skip
         options = replace(options, function=f"mine.{function}")
     completed = complete(config(**{group: options}))
     stored = yaml.safe_load(yaml.safe_dump(stored_methods(completed)))
