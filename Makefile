@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser coverage bench check derived faults clean
+.PHONY: help run figures test test-long test-browser coverage bench check derived faults kernels clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -42,6 +42,9 @@ derived: $(VENV)/.installed ## write conf/ and the tables in docs/ again, from t
 
 faults: $(VENV)/.installed ## draw the pictures of docs/faults.md again
 	$(BIN)/python scripts/draw_faults.py
+
+kernels: $(VENV)/.installed ## draw the picture of docs/kernels.md again
+	$(BIN)/python scripts/draw_kernels.py
 
 clean: ## remove the virtual environment and all caches; results stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage*

@@ -364,7 +364,9 @@ class ModelConfig:
     )
 
 
-KERNELS = ("squared_exponential",)
+KERNELS = (
+    "squared_exponential", "matern12", "matern32", "matern52", "rational_quadratic",
+)  # fmt: skip
 """Modules of `infoplan.model.kernels`, each of which holds a kernel."""
 
 

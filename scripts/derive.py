@@ -14,7 +14,8 @@ from typing import Any
 
 import yaml
 
-from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
+from infoplan.config import KERNELS, METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
+from infoplan.model.kernels import as_kernel
 from infoplan.options import allowed_values
 from infoplan.tables import TABLES
 
@@ -26,6 +27,7 @@ WIDTH = 100
 OPTIONS_OF = re.compile(
     r"(<!-- options of (\w+)=(\w+): make derived -->\n).*?(<!-- end -->)", re.DOTALL
 )
+KERNELS_TABLE = re.compile(r"(<!-- kernels: make derived -->\n).*?(<!-- end -->)", re.DOTALL)
 MARKS = ("<!-- columns: make derived -->", "<!-- end of the columns -->")
 
 
@@ -44,6 +46,8 @@ def derived() -> Iterator[tuple[Path, str]]:
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
     page = ROOT / "docs" / "faults.md"
     yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
+    page = ROOT / "docs" / "kernels.md"
+    yield page, KERNELS_TABLE.sub(_kernels_table, page.read_text(encoding="utf-8"))
 
 
 def _options_table(found: re.Match[str]) -> str:
@@ -56,6 +60,18 @@ def _options_table(found: re.Match[str]) -> str:
             metadata = {"type": item.type, **item.metadata}
             doc = f"{metadata['doc']}: {allowed_values(metadata)}"
             text += f"| `{group}.{item.name}` | `{_value(getattr(schema, item.name))}` | {doc} |\n"
+    return f"{begin}\n{text}\n{end}"
+
+
+def _kernels_table(found: re.Match[str]) -> str:
+    """Write the kernels, what each is by its module, and what it learns, as the table of a page."""
+    begin, end = found.groups()
+    text = "| `model.kernel` | correlation of a and b | hyperparameters |\n|---|---|---|\n"
+    for name in KERNELS:
+        kernel = as_kernel(name)
+        said = str(sys.modules[f"infoplan.model.kernels.{name}"].__doc__).splitlines()[0]
+        learned = ", ".join(f"`{one.name}`" for one in kernel.hyperparameters)
+        text += f"| `{name}` | {said} | {learned} |\n"
     return f"{begin}\n{text}\n{end}"
 
 

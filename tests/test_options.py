@@ -32,6 +32,7 @@ DEFAULTS = {
     "model.pilot_iterations": 500,
     "model.iterations": 5,
     "model.min_noise_variance": 1e-4,
+    "model.kernel": "squared_exponential",
     "planner.noisy_std": False,
     "planner.iterations": 500,
     "planner.rollouts": 5,
@@ -71,6 +72,7 @@ CHANGES = {
     "model.pilot_iterations": 10,
     "model.iterations": "per_sample",
     "model.min_noise_variance": 0.9,
+    "model.kernel": "matern32",
     "model.dtype": "float32",
     "planner.name": "uct",
     "planner.noisy_std": True,
@@ -101,6 +103,7 @@ NUMBERS_OF_THE_GP = {
     "model.optimizer": "lbfgs",
     "model.learning_rate": 0.05,
     "model.min_noise_variance": 0.9,
+    "model.kernel": "matern32",
 }
 OF_THE_CHOICE = {
     ("planner", "uct"): {

@@ -13,7 +13,8 @@ import pytest
 from flown import tables_of
 
 from infoplan.analyse.audit import audit_mission
-from infoplan.config import METHODS
+from infoplan.config import KERNELS, METHODS
+from infoplan.model.kernels import as_kernel
 from infoplan.study.columns import values_digest
 from infoplan.study.identity import identify
 from infoplan.study.store import (
@@ -86,6 +87,20 @@ def test_the_student_t_process_is_recomputed(small, volcano, tmp_path, table, co
     assert failing(tmp_path, name) == set()
     touch(tmp_path, table, name, column, lambda value: value * 1.01)
     assert check in failing(tmp_path, name)
+
+
+@pytest.mark.parametrize(
+    ("model", "kernel"),
+    [*(("gp", kernel) for kernel in KERNELS[1:]), ("student_t", KERNELS[-1]),
+     ("vecchia", KERNELS[-1])],
+)  # fmt: skip
+def test_every_kernel_is_recomputed(small, volcano, tmp_path, model, kernel):
+    name = store(small, volcano, tmp_path, model=(model, {"kernel": kernel}))
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    own = [one.name for one in as_kernel(kernel).hyperparameters][-1]
+    touch(tmp_path, "curves", name, own, lambda value: value * 1.1)
+    assert "final model" in failing(tmp_path, name)
 
 
 NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}

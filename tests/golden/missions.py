@@ -40,6 +40,17 @@ MISSIONS = {
         "planner=random", "detector=gp_residual", "model=vecchia", "model.neighbours=8",
         "model.prediction_neighbours=30",
     ],
+    "random-matern12": ["planner=random", "detector=none", "model.kernel=matern12"],
+    "random-matern32-student-t": [
+        "planner=random", "detector=none", "model=student_t", "model.kernel=matern32",
+    ],
+    "random-matern52-vecchia": [
+        "planner=random", "detector=gp_residual", "model=vecchia", "model.kernel=matern52",
+        "model.neighbours=8",
+    ],
+    "random-rational-quadratic": [
+        "planner=random", "detector=none", "model.kernel=rational_quadratic",
+    ],
     "random-lbfgs": ["planner=random", "detector=best", "model.optimizer=lbfgs"],
     "random-float32": ["planner=random", "detector=best", "model.dtype=float32"],
     "random-per-sample": ["planner=random", "detector=best", "model.iterations=per_sample"],

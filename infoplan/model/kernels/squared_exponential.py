@@ -3,16 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from infoplan.compiled import kernel
 from infoplan.model.exponential import exponential
-from infoplan.model.kernel import Hyperparameter, Kernel
-
-
-def rates(theta: np.ndarray) -> tuple[float, ...]:
-    """Return 1 / (2 l_d^2) of the log lengthscales."""
-    return tuple((0.5 * np.exp(-2.0 * theta)).tolist())
+from infoplan.model.kernel import Kernel
+from infoplan.model.stationary import LENGTHSCALES, rates
 
 
 @kernel(fastmath={"contract"})
@@ -44,13 +38,9 @@ def reference(hyperparameters: Mapping[str, float]) -> Any:
     return RBF([hyperparameters["lengthscale_1"], hyperparameters["lengthscale_2"]], "fixed")
 
 
-# Ten scaled units are five times the pilot's bounding box.
 KERNEL = Kernel(
-    hyperparameters=(
-        Hyperparameter("lengthscale_1", flat=10.0),
-        Hyperparameter("lengthscale_2", flat=10.0),
-    ),
-    constants=rates,
+    hyperparameters=LENGTHSCALES,
+    constants=rates(0.5),
     correlation=correlation,
     gradient=gradient,
     reference=reference,
