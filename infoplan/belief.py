@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.answers import checked_actions, checked_drive, checked_prediction, checked_verdict
-from infoplan.config import MissionConfig
+from infoplan.config import GuardedConfig, MissionConfig
 from infoplan.detect import Evidence
 from infoplan.errors import RunError
 from infoplan.extent import Extent, query_grid
@@ -87,6 +88,8 @@ class Belief:
         self._planner = find("planner", config.planner)
         self._detector = find("detector", config.detector)
         new_model = find("model", config.model)
+        if isinstance(config.model, GuardedConfig):
+            new_model = partial(new_model, spacing=config.robot.speed)
         self._steering = steering_angles(config.robot.max_steering, config.robot.steering_angles)
         rows, columns = config.grid
         self._shape = (rows, columns)

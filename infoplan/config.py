@@ -371,7 +371,34 @@ KERNELS = (
 
 
 @dataclass
-class GpConfig(ModelConfig):
+class GuardedConfig(ModelConfig):
+    """Guards against the collapse of a model, all of them off."""
+
+    min_lengthscale: float = option(
+        0.0,
+        "floor of both lengthscales; 0: none",
+        unit="distances of successive samples",
+        at_least=0,
+        at_most=1e3,
+    )
+    lengthscale_prior: list[float] | None = option(
+        None,
+        "median, and deviation of the logarithm, of a log-normal prior of the lengthscales",
+        above=0,
+        at_most=1e6,
+        length=2,
+    )
+    noise_prior: list[float] | None = option(
+        None, "likewise of the noise variance", above=0, at_most=1e6, length=2
+    )
+    restarts: int = option(
+        0, "further starts of the optimiser in every epoch; the best end counts", at_least=0,
+        at_most=1000,
+    )  # fmt: skip
+
+
+@dataclass
+class GpConfig(GuardedConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
@@ -412,7 +439,7 @@ class VecchiaConfig(GpConfig):
 
 
 @dataclass
-class StudentTConfig(ModelConfig):
+class StudentTConfig(GuardedConfig):
     """Gaussian process regression with Student-t noise; hyperparameters in scaled units."""
 
     name: str = option("student_t", "model", choices=("student_t",))

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.belief import Belief, number_of
+from infoplan.collapse import has_collapsed
+from infoplan.config import OwnModelConfig
 from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.samples import Batch, Samples
@@ -23,8 +25,9 @@ class CurveRow:
 
     Errors and scores compare the noise-free truth on the query grid with the model's latent mean
     and standard deviation, and are NaN where the terrain is unknown; hyperparameters are in scaled
-    units, elevations in the terrain's. What the model has not (one of the user's) is NaN. `further`
-    holds, by name, what else the kernel has learned: a column each.
+    units, elevations in the terrain's. What the model has not (one of the user's) is NaN;
+    `collapsed` is then None. `further` holds, by name, what else the kernel has learned: a column
+    each.
     """
 
     epoch: int
@@ -48,6 +51,7 @@ class CurveRow:
     fit_seconds: float
     predict_seconds: float
     detect_seconds: float
+    collapsed: bool | None = None
     further: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
 
@@ -128,6 +132,7 @@ def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
         fit_seconds=belief.seconds["fit"],
         predict_seconds=belief.seconds["predict"],
         detect_seconds=belief.seconds["detect"],
+        collapsed=_collapsed(belief, learned),
         further=_further(learned),
     )
     density = belief.outlier_density().ravel()
@@ -143,6 +148,16 @@ def count_confusion(judged: Samples) -> dict[str, int]:
         "fn": int(np.sum(~flagged & outlier)),
         "tn": int(np.sum(~flagged & ~outlier)),
     }
+
+
+def _collapsed(belief: Belief, learned: Any) -> bool | None:
+    """Tell whether the model has collapsed; one of the user's may scale its inputs as it likes."""
+    if isinstance(belief.config.model, OwnModelConfig):
+        return None
+    lengthscales = [number_of(learned, name) for name in ("lengthscale_1", "lengthscale_2")]
+    readings = belief.readings
+    pilot = readings.x[(belief.epochs == 0) & ~np.isnan(readings.measured)]
+    return has_collapsed(lengthscales, pilot, belief.config.robot.speed)
 
 
 def _further(learned: Any) -> dict[str, float]:

@@ -161,6 +161,13 @@ TABLES: dict[str, Table] = {
         Column("predict_seconds", "double", "time of predicting the query grid", SECONDS,
                at_least=0),
         Column("detect_seconds", "double", "time of judging samples", SECONDS, at_least=0),
+        Column(
+            "collapsed",
+            "boolean",
+            "whether the smaller lengthscale is below the distance of two samples; none: null",
+            gaps=True,
+            since="0.2.0",
+        ),
     ),
     "samples": _table(
         "a sample, in order of collection",

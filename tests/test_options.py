@@ -33,6 +33,10 @@ DEFAULTS = {
     "model.iterations": 5,
     "model.min_noise_variance": 1e-4,
     "model.kernel": "squared_exponential",
+    "model.min_lengthscale": 0.0,
+    "model.lengthscale_prior": None,
+    "model.noise_prior": None,
+    "model.restarts": 0,
     "planner.noisy_std": False,
     "planner.iterations": 500,
     "planner.rollouts": 5,
@@ -73,6 +77,10 @@ CHANGES = {
     "model.iterations": "per_sample",
     "model.min_noise_variance": 0.9,
     "model.kernel": "matern32",
+    "model.min_lengthscale": 30.0,
+    "model.lengthscale_prior": [0.05, 0.1],
+    "model.noise_prior": [0.01, 0.1],
+    "model.restarts": 2,
     "model.dtype": "float32",
     "planner.name": "uct",
     "planner.noisy_std": True,
@@ -104,6 +112,10 @@ NUMBERS_OF_THE_GP = {
     "model.learning_rate": 0.05,
     "model.min_noise_variance": 0.9,
     "model.kernel": "matern32",
+    "model.min_lengthscale": 30.0,
+    "model.lengthscale_prior": [0.05, 0.1],
+    "model.noise_prior": [0.01, 0.1],
+    "model.restarts": 2,
 }
 OF_THE_CHOICE = {
     ("planner", "uct"): {

@@ -1,6 +1,7 @@
 """Learning curves: their values on a common axis of collected samples, and numbers that sum up."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from infoplan.analyse.configurations import default_options
 from infoplan.analyse.statistics import RESAMPLES, PairedDifference, paired_difference
 from infoplan.analyse.tables import REPLAY
+from infoplan.collapse import told
 from infoplan.errors import UsageError
+from infoplan.study.stored_curves import ended_collapsed
 
 EARLY = (150, 500)
 """The paper's claims call this stretch of collected samples early."""
@@ -78,6 +81,23 @@ def missions(curves: pd.DataFrame) -> Iterator[tuple[tuple[str, int], pd.DataFra
     grouped: Any = curves.groupby(["run", "seed"], sort=True)
     for (run, seed), rows in grouped:
         yield (str(run), int(seed)), rows
+
+
+def collapse(curves: pd.DataFrame, results_dir: Path) -> str:
+    """Say how many missions end with a collapsed model, and what helps; empty if none does.
+
+    Parameters
+    ----------
+    curves
+        As `load_curves` returns them.
+    results_dir
+        Where their tables are.
+    """
+    ends = [
+        ended_collapsed(results_dir, run, seed, rows.iloc[-1].to_dict())
+        for (run, seed), rows in missions(curves)
+    ]
+    return told(ends)
 
 
 def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:

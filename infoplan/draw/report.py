@@ -211,6 +211,7 @@ def _summary(
         if (names := [_anchor(claim.name) for claim in claims if claim.verdict == verdict])
     )
     lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
+    lines += [findings.collapse] if findings.collapse else []
     cautions = [f"<p>{_html(_sentence(line))}</p>" for line in lines]
     return (
         "".join(f"<p>{_html(text)}</p>" for text in introduction)

@@ -15,7 +15,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.analyse.curves import common_axis, drawable, missions, on_common_axis, summarise
+from infoplan.analyse.curves import (
+    collapse,
+    common_axis,
+    drawable,
+    missions,
+    on_common_axis,
+    summarise,
+)
 from infoplan.analyse.detection import detector_quality
 from infoplan.analyse.relief import by_relief, grid_of, on_grid
 from infoplan.analyse.statistics import RESAMPLES, Interval, bootstrap_band, bootstrap_mean
@@ -100,11 +107,14 @@ class Findings:
         RMSE there, one column a mission (levels run and seed), terrain's unit.
     summaries
         One row a mission, as `infoplan.analyse.summarise` gives it.
+    collapse
+        How many missions end with a collapsed model; empty if none does.
     """
 
     axis: NDArray[np.int64]
     curves: pd.DataFrame
     summaries: pd.DataFrame
+    collapse: str
 
     def interval(self, run: str, name: str) -> Interval:
         """Mean over a run's seeds of a number a mission, with its 95 % interval."""
@@ -132,7 +142,8 @@ def read_findings(selection: Selection) -> Findings:
     curves = load_curves(selection)
     whole = common_axis(curves)
     axis = np.unique(np.linspace(whole[0], whole[-1], CURVE_POINTS).round().astype(np.int64))
-    return Findings(axis, on_common_axis(curves, axis), summarise(curves))
+    told = collapse(curves, selection.results_dir)
+    return Findings(axis, on_common_axis(curves, axis), summarise(curves), told)
 
 
 def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, Any]]:

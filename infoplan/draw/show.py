@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.text import Text
 
 from infoplan.analyse.configurations import changed_options, option_text
-from infoplan.analyse.curves import missions, on_common_axis, summarise
+from infoplan.analyse.curves import collapse, missions, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
 from infoplan.analyse.statistics import bootstrap_mean
 from infoplan.analyse.tables import Selection, load_curves, load_maps, load_samples
@@ -43,6 +43,8 @@ def show(selection: Selection, console: Console) -> None:
         console.print(Text(line), soft_wrap=True)
     console.print()
     _print_fields(_numbers(curves, selection), console)
+    if said := collapse(curves, selection.results_dir):
+        say(console, said, style="yellow")
     console.print()
     _print_fields(_relief(selection), console)
     console.print()

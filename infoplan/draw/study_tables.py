@@ -8,6 +8,7 @@ from rich.console import Console
 
 from infoplan.analyse.configurations import Options, differing, option_text, stored_options
 from infoplan.analyse.statistics import bootstrap_mean
+from infoplan.collapse import told
 from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
@@ -16,7 +17,7 @@ from infoplan.method_identity import method_of
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
-from infoplan.study.stored_curves import StoredCurve, stored_curves
+from infoplan.study.stored_curves import StoredCurve, ended_collapsed, stored_curves
 from infoplan.study.study import Study
 from infoplan.wording import counted, figure, harmless, interval, spans
 
@@ -25,6 +26,8 @@ def print_summary(study: Study, console: Console) -> None:
     """Print RMSE along the budget, detector quality, time and failures of a study's runs."""
     curves = {run.name: stored_curves(study, run, seeds) for run, seeds in study.runs}
     _print_closing_table(study, curves, console)
+    if said := told(_ends(study, curves)):
+        say(console, said, style="yellow")
     for label, reason, path in study.failed:
         say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
     parts = [f"{counted(study.computed, 'mission')} computed", f"{study.kept} kept"]
@@ -123,6 +126,15 @@ def _print_closing_table(
     ]  # fmt: skip
     title = f"RMSE in {' or '.join(units)}: mean [95 % bootstrap interval over seeds]"
     print_table(console, title, columns, rows)
+
+
+def _ends(study: Study, curves: dict[str, list[StoredCurve]]) -> list[bool | None]:
+    """Tell of each mission that is done whether its model has collapsed at the end."""
+    return [
+        ended_collapsed(study.results_dir, run.name, int(curve["seed"][-1]), curve.last)
+        for run, _ in study.runs
+        for curve in curves[run.name]
+    ]
 
 
 def _cells(run: Run, seeds: list[int], curves: list[StoredCurve], shares: list[float]) -> list[str]:

@@ -1,5 +1,7 @@
 """The Gaussian process with Gaussian noise."""
 
+from typing import Any
+
 import numpy as np
 
 from infoplan.model.inference.exact import ExactInference
@@ -33,14 +35,12 @@ class GaussianProcess(Regression):
         Added to sigma^2 in every factorisation. One that fails is repeated with ten times the
         jitter until it succeeds, or the jitter exceeds all variances; the next starts from this
         value again.
-    min_noise_variance : float
-        Floor of the learned sigma^2.
-    optimizer : {"adam", "lbfgs"}
-        How the log marginal likelihood is maximised.
-    learning_rate : float
-        Adam's step on the logarithms of the hyperparameters.
     dtype : {"float64", "float32"}
         Precision of kernel matrices, factorisations and solves.
+    **learning
+        How the hyperparameters are learned: `min_noise_variance`, `optimizer`, `learning_rate`,
+        `min_lengthscale`, `spacing`, `lengthscale_prior`, `noise_prior` and `restarts` of
+        `infoplan.model.regression.Regression`.
 
     Raises
     ------
@@ -59,10 +59,8 @@ class GaussianProcess(Regression):
         lengthscale: float = 0.5,
         noise_variance: float = 1.0,
         jitter: float = 1e-6,
-        min_noise_variance: float = 1e-4,
-        optimizer: str = "adam",
-        learning_rate: float = 0.01,
         dtype: str = "float64",
+        **learning: Any,
     ) -> None:
         kernel = as_kernel(kernel)
         super().__init__(
@@ -71,7 +69,5 @@ class GaussianProcess(Regression):
             first_theta(kernel, amplitude, lengthscale, noise_variance),
             x_pilot,
             y_pilot,
-            min_noise_variance=min_noise_variance,
-            optimizer=optimizer,
-            learning_rate=learning_rate,
+            **learning,
         )

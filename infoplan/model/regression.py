@@ -1,5 +1,7 @@
 """Regression with a Gaussian process as a mission uses it: scaled data, kept hyperparameters."""
 
+from collections.abc import Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import Protocol
 
@@ -8,13 +10,18 @@ import numpy as np
 from infoplan.model.inference.exact import ExactInference
 from infoplan.model.kernel import Kernel
 from infoplan.model.optimizers import Adam, Lbfgs
+from infoplan.model.prior import Prior
 from infoplan.model.scaling import Scaler, checked
 from infoplan.model.theta import (
     bounds_of,
     hyperparameters_of,
+    lengthscale_floors,
     noise_variance_of,
     with_noise_variance,
 )
+
+# How far restarts may lie from the first logarithms.
+_RESTART = float(np.log(10.0))
 
 
 class Inference(Protocol):
@@ -53,8 +60,24 @@ class Regression:
         First log hyperparameters.
     x_pilot, y_pilot
         Data, as for `GaussianProcess`.
-    min_noise_variance, optimizer, learning_rate
-        As for `GaussianProcess`.
+    min_noise_variance : float
+        Floor of the learned sigma^2.
+    optimizer : {"adam", "lbfgs"}
+        How the log marginal likelihood is maximised.
+    learning_rate : float
+        Adam's step on the logarithms of the hyperparameters.
+    min_lengthscale : float
+        Floor of the kernel's `lengthscale_1` and `lengthscale_2`, from the start on, in `spacing`;
+        0: none.
+    spacing : float
+        Distance of two successive samples, workspace units.
+    lengthscale_prior, noise_prior : (float, float) or None
+        Median, and standard deviation of the logarithm, of a log-normal prior of every lengthscale
+        and of sigma^2, scaled units: what is maximised is the likelihood times these; None: none.
+    restarts : int
+        Further starts of every `optimize`, of which the best end is taken. Restart r of call c
+        (both from 0) starts at the first hyperparameters, each times a factor that is log-uniform
+        in [0.1, 10], drawn by ``numpy.random.default_rng([c, r])``, with a fresh optimiser.
     noise_factor : float
         Variance of the observation noise over sigma^2.
     """
@@ -67,16 +90,28 @@ class Regression:
         x_pilot: np.ndarray,
         y_pilot: np.ndarray,
         *,
-        min_noise_variance: float,
-        optimizer: str,
-        learning_rate: float,
+        min_noise_variance: float = 1e-4,
+        optimizer: str = "adam",
+        learning_rate: float = 0.01,
+        min_lengthscale: float = 0.0,
+        spacing: float = 1.0,
+        lengthscale_prior: Sequence[float] | None = None,
+        noise_prior: Sequence[float] | None = None,
+        restarts: int = 0,
         noise_factor: float = 1.0,
     ) -> None:
         x, y = checked(x_pilot, y_pilot)
         self._scaler = Scaler.of_pilot(x, y)
-        self._inference, self._kernel, self._theta = inference, kernel, theta
-        self._bounds = bounds_of(kernel, min_noise_variance)
-        self._optimizer = Adam(learning_rate) if optimizer == "adam" else Lbfgs()
+        shortest = 2.0 * min_lengthscale * spacing / self._scaler.x_extent
+        floors = lengthscale_floors(kernel, shortest)
+        self._inference, self._kernel = inference, kernel
+        self._theta = self._first = np.maximum(theta, floors)
+        self._bounds = bounds_of(kernel, min_noise_variance, floors)
+        self._prior = Prior(kernel, lengthscale_prior, noise_prior)
+        self._has_prior = lengthscale_prior is not None or noise_prior is not None
+        self._new_optimizer = partial(Adam, learning_rate) if optimizer == "adam" else Lbfgs
+        self._optimizer: Adam | Lbfgs = self._new_optimizer()
+        self._restarts, self._calls = restarts, 0
         self._noise_factor = noise_factor
         self.replace(x, y)
 
@@ -143,17 +178,44 @@ class Regression:
         self._inference.set_data(self._scaler.inputs(self._x), self._scaler.outputs(self._y))
 
     def optimize(self, iterations: int) -> None:
-        """Climb the log marginal likelihood from the present hyperparameters.
+        """Climb the log marginal likelihood, times the priors, from the present hyperparameters.
 
         Parameters
         ----------
         iterations : int
             Adam: the number of gradient evaluations and steps. L-BFGS: the most evaluations.
-            Hyperparameters that would not be finite are never taken.
+            Hyperparameters that would not be finite are never taken. Every restart gets as many.
         """
         self._theta = self._optimizer.ascend(
-            self._inference.lml_and_gradient, self._theta, iterations, self._bounds
+            self._value_and_gradient, self._theta, iterations, self._bounds
         )
+        if self._restarts and iterations:
+            self._restart(iterations)
+        self._calls += 1
+
+    def _restart(self, iterations: int) -> None:
+        """Climb from other starts, too, and go on from the best end."""
+        best = self._value(self._theta)
+        for number in range(self._restarts):
+            rng = np.random.default_rng([self._calls, number])
+            start = self._first + rng.uniform(-_RESTART, _RESTART, self._first.shape)
+            start = np.clip(start, self._bounds.lower, self._bounds.upper)
+            optimizer = self._new_optimizer()
+            end = optimizer.ascend(self._value_and_gradient, start, iterations, self._bounds)
+            if (value := self._value(end)) > best:
+                best, self._theta, self._optimizer = value, end, optimizer
+
+    def _value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+        """Evaluate what is maximised."""
+        value, gradient = self._inference.lml_and_gradient(theta)
+        if self._has_prior:
+            log_density, slope = self._prior.log_density(theta)
+            return value + log_density, gradient + slope
+        return value, gradient
+
+    def _value(self, theta: np.ndarray) -> float:
+        """Evaluate it without the gradient."""
+        return self._inference.lml(theta) + self._prior.log_density(theta)[0]
 
     def predict(self, x: np.ndarray, *, noisy: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Predictive mean and standard deviation.

@@ -4,6 +4,8 @@ An observation is y = f + scale t, with t from Student's t distribution of `dof`
 heavy tails, so that a far outlier hardly pulls the latent function.
 """
 
+from typing import Any
+
 import numpy as np
 
 from infoplan.model.inference.laplace import LaplaceInference
@@ -38,12 +40,8 @@ class StudentTProcess(Regression):
     jitter : float
         Added to the variance of the latent values. A covariance that is not positive definite is
         tried again with ten times as much, until it is.
-    min_noise_variance : float
-        Floor of the learned squared scale.
-    optimizer : {"adam", "lbfgs"}
-        How the approximate log marginal likelihood is maximised.
-    learning_rate : float
-        Adam's step on the logarithms of the hyperparameters.
+    **learning
+        As for `infoplan.model.GaussianProcess`, of the approximate log marginal likelihood.
 
     Raises
     ------
@@ -62,9 +60,7 @@ class StudentTProcess(Regression):
         lengthscale: float = 0.5,
         noise_variance: float = 1.0,
         jitter: float = 1e-6,
-        min_noise_variance: float = 1e-4,
-        optimizer: str = "adam",
-        learning_rate: float = 0.01,
+        **learning: Any,
     ) -> None:
         kernel = as_kernel(kernel)
         super().__init__(
@@ -73,8 +69,6 @@ class StudentTProcess(Regression):
             first_theta(kernel, amplitude, lengthscale, noise_variance),
             x_pilot,
             y_pilot,
-            min_noise_variance=min_noise_variance,
-            optimizer=optimizer,
-            learning_rate=learning_rate,
+            **learning,
             noise_factor=dof / (dof - 2.0),
         )

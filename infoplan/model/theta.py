@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from infoplan.errors import UsageError
 from infoplan.model.kernel import Hyperparameter, Kernel
 
 _AMPLITUDE = Hyperparameter("amplitude")
@@ -45,7 +46,35 @@ def first_theta(
     return theta
 
 
-def bounds_of(kernel: Kernel, min_noise_variance: float) -> Bounds:
+def lengthscale_floors(kernel: Kernel, shortest: np.ndarray) -> np.ndarray:
+    """Return logarithms below which no lengthscale is to be, minus infinity for all else.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Its `lengthscale_1` and `lengthscale_2` are meant.
+    shortest : ndarray of shape (2,)
+        Floors along both axes, scaled units; 0: none.
+
+    Raises
+    ------
+    UsageError
+        If there is a floor, and the kernel has no such lengthscales.
+    """
+    names = names_of(kernel)
+    floors = np.full(len(names), -np.inf)
+    for name, floor in zip(("lengthscale_1", "lengthscale_2"), shortest, strict=True):
+        if floor > 0.0:
+            if name not in names:
+                raise UsageError(
+                    f"model.min_lengthscale needs a kernel with a {name}, and this one learns "
+                    f"{', '.join(names)}: leave the option at 0"
+                )
+            floors[names.index(name)] = np.log(floor)
+    return floors
+
+
+def bounds_of(kernel: Kernel, min_noise_variance: float, floors: np.ndarray) -> Bounds:
     """Return the bounds of theta.
 
     Parameters
@@ -54,19 +83,21 @@ def bounds_of(kernel: Kernel, min_noise_variance: float) -> Bounds:
         Knows those of its hyperparameters.
     min_noise_variance : float
         Floor of sigma^2, scaled units. Below 1e-20 it counts as 1e-20, whose logarithm is finite.
+    floors : ndarray of shape (k,)
+        From `lengthscale_floors`.
 
     Returns
     -------
     Bounds
-        Sigma^2 ends at 1e12 or at a floor above it.
+        Upper ones are never below a floor; sigma^2 ends at 1e12 or at a floor above it.
     """
     floor = max(min_noise_variance, _SMALLEST_NOISE)
     noise = Hyperparameter("", lower=floor, upper=max(floor, _LARGEST_NOISE))
     all_of_them = [_AMPLITUDE, *kernel.hyperparameters, noise]
     return Bounds(
-        np.log([one.lower for one in all_of_them]),
-        np.log([one.upper for one in all_of_them]),
-        np.log([one.flat for one in all_of_them]),
+        np.maximum(np.log([one.lower for one in all_of_them]), floors),
+        np.maximum(np.log([one.upper for one in all_of_them]), floors),
+        np.maximum(np.log([one.flat for one in all_of_them]), floors),
     )
 
 

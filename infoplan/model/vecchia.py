@@ -1,5 +1,7 @@
 """The Gaussian process with Gaussian noise, conditioned on nearest neighbours alone."""
 
+from typing import Any
+
 import numpy as np
 
 from infoplan.model.inference.vecchia import VecchiaInference
@@ -33,8 +35,7 @@ class VecchiaProcess(Regression):
     ordering : {"collected", "maxmin", "random"}
         Order of conditioning: as the data come, each block as far as can be from all before, or a
         permutation. The last two look for all neighbours anew whenever data come.
-    kernel, amplitude, lengthscale, noise_variance, jitter, min_noise_variance, optimizer, \
-learning_rate, dtype
+    kernel, amplitude, lengthscale, noise_variance, jitter, dtype, **learning
         As for `infoplan.model.GaussianProcess`.
 
     Raises
@@ -59,10 +60,8 @@ learning_rate, dtype
         lengthscale: float = 0.5,
         noise_variance: float = 1.0,
         jitter: float = 1e-6,
-        min_noise_variance: float = 1e-4,
-        optimizer: str = "adam",
-        learning_rate: float = 0.01,
         dtype: str = "float64",
+        **learning: Any,
     ) -> None:
         kernel = as_kernel(kernel)
         inference = VecchiaInference(
@@ -75,9 +74,7 @@ learning_rate, dtype
             first_theta(kernel, amplitude, lengthscale, noise_variance),
             x_pilot,
             y_pilot,
-            min_noise_variance=min_noise_variance,
-            optimizer=optimizer,
-            learning_rate=learning_rate,
+            **learning,
         )
 
     def optimize(self, iterations: int) -> None:

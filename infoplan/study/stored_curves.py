@@ -1,13 +1,18 @@
 """Learning curves of the missions of a study that are done, read back."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from infoplan.collapse import has_collapsed
+from infoplan.config import OwnModelConfig
 from infoplan.study.identity import Run
-from infoplan.study.store import read_table
+from infoplan.study.store import read_footer, read_table, table_path
 from infoplan.study.study import Study
 
 
@@ -19,6 +24,11 @@ class StoredCurve:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.columns[name]
+
+    @property
+    def last(self) -> dict[str, Any]:
+        """Its last row."""
+        return {name: values[-1] for name, values in self.columns.items()}
 
     @property
     def seconds(self) -> float:
@@ -34,6 +44,33 @@ def stored_curves(study: Study, run: Run, seeds: list[int]) -> list[StoredCurve]
         columns = {name: table[name].to_numpy() for name in table.column_names}
         curves.append(StoredCurve(columns))
     return curves
+
+
+def ended_collapsed(results_dir: Path, run: str, seed: int, last: Mapping[Any, Any]) -> bool | None:
+    """Tell whether the model of a stored mission has collapsed at its end.
+
+    Parameters
+    ----------
+    results_dir, run, seed
+        Which mission.
+    last
+        Last row of its curve. Where that does not tell, because an older version has written it,
+        lengthscales, pilot and configuration do.
+
+    Returns
+    -------
+    bool or None
+        None if the model has no lengthscales, or is the user's own.
+    """
+    if last["collapsed"] is not None and not pd.isna(last["collapsed"]):
+        return bool(last["collapsed"])
+    config = read_footer(table_path(results_dir, "curves", run, seed)).config
+    if isinstance(config.model, OwnModelConfig):
+        return None
+    samples = read_table(results_dir, "samples", run, seed).to_pandas()
+    pilot = samples[(samples["epoch"] == 0) & samples["measured"].notna()]
+    lengthscales = [float(last[name]) for name in ("lengthscale_1", "lengthscale_2")]
+    return has_collapsed(lengthscales, pilot[["x1", "x2"]].to_numpy(), config.robot.speed)
 
 
 def final_rmse(study: Study) -> list[float]:

@@ -5,7 +5,13 @@ from typing import Any
 
 from infoplan.config import METHODS
 
-ADDED_LATER = {"model.kernel": "squared_exponential"}
+ADDED_LATER = {
+    "model.kernel": "squared_exponential",
+    "model.min_lengthscale": 0.0,
+    "model.lengthscale_prior": None,
+    "model.noise_prior": None,
+    "model.restarts": 0,
+}
 """Options of groups that runs of earlier versions have not stored, and what they flew with.
 
 With this value they are not stored today either, so that the run keeps its name.
@@ -33,7 +39,7 @@ def as_stored(meant: Mapping[str, Any]) -> dict[str, Any]:
             science["outliers" if first else "fault"] = options
     for name, value in ADDED_LATER.items():
         group, option = name.split(".")
-        if science.get(group, {}).get(option) == value:
+        if science.get(group, {}).get(option, ...) == value:
             del science[group][option]
     return science
 

@@ -62,17 +62,55 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
         (curves["jitter"] >= jitter * (1 - ROUNDING)).to_numpy(),
         lambda e: f"the jitter of epoch {e} is {curves['jitter'][e]:.4g} < {jitter}",
     )
+    low, high = _pilot_box(mission)
+    spacing = float(mission.option("model.min_lengthscale")) * float(mission.option("robot.speed"))
+    floors = dict(zip(("lengthscale_1", "lengthscale_2"), 2 * spacing / (high - low), strict=True))
+    for name in sorted(floors.keys() & set(names)):
+        _demand_floor(name, curves[name].to_numpy(), floors[name])
     if mission.option("model.pilot_iterations") == 0:
         untouched = curves if mission.option("model.iterations") == 0 else curves[:1]
         amplitude, lengthscale = (
             float(mission.option(f"model.{start}")) for start in ("amplitude", "lengthscale")
         )
         own = [lengthscale if one.start is None else one.start for one in kernel.hyperparameters]
-        for name, expected in zip(names, [amplitude, *own], strict=False):
+        for name, start in zip(names, [amplitude, *own], strict=False):
+            expected = max(start, floors.get(name, 0.0))
             values = untouched[name].to_numpy()
             demand_close(f"{name} of untrained epoch", values, expected, ROUNDING * expected)
+    _check_collapse(mission)
     last = curves.iloc[-1]
     return "at the end " + ", ".join(f"{name} {last[name]:.4g}" for name in [*names, "jitter"])
+
+
+def _demand_floor(name: str, found: Floats, floor: float) -> None:
+    """Check that a lengthscale keeps the floor that `model.min_lengthscale` sets."""
+    demand(
+        found >= floor * (1 - ROUNDING),
+        lambda e: (
+            f"{name} of epoch {e} is {found[e]:.4g}, below the floor {floor:.4g} of "
+            "model.min_lengthscale"
+        ),
+    )
+
+
+def _check_collapse(mission: StoredMission) -> None:
+    """Check which epochs are said to have a lengthscale below the distance of two samples."""
+    curves = mission.curves
+    if curves["collapsed"].isna().all():  # of an older version, or a kernel without lengthscales
+        return
+    low, high = _pilot_box(mission)
+    lengthscales = curves[["lengthscale_1", "lengthscale_2"]].to_numpy(dtype=float)
+    smaller = (lengthscales * (high - low) / 2).min(axis=1)
+    speed = float(mission.option("robot.speed"))
+    said = curves["collapsed"].to_numpy()
+    # At the very distance rounding decides.
+    demand(
+        (said == (smaller < speed)) | (np.abs(smaller - speed) <= ROUNDING * speed),
+        lambda e: (
+            f"epoch {e} has collapsed {said[e]}, with a lengthscale of {smaller[e]:.4g} "
+            f"workspace units and samples {speed:g} apart"
+        ),
+    )
 
 
 def _fit(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
@@ -176,10 +214,15 @@ def _elevation_scaler(mission: StoredMission) -> tuple[float, float]:
     return float(pilot.mean()), float(pilot.std())
 
 
+def _pilot_box(mission: StoredMission) -> tuple[Floats, Floats]:
+    """Corners of the bounding box of the pilot's measurements, shape (2,) each."""
+    pilot = mission.x[: mission.n_pilot][mission.told[: mission.n_pilot]]
+    return pilot.min(axis=0), pilot.max(axis=0)
+
+
 def _scaled(mission: StoredMission, places: pd.DataFrame) -> Floats:
     """Positions in units of the pilot's bounding box, shape (n, 2)."""
-    pilot = mission.x[: mission.n_pilot][mission.told[: mission.n_pilot]]
-    low, high = pilot.min(axis=0), pilot.max(axis=0)
+    low, high = _pilot_box(mission)
     scaled: Floats = 2.0 * (places[["x1", "x2"]].to_numpy() - low) / (high - low) - 1.0
     return scaled
 

@@ -1,0 +1,61 @@
+"""A collapsed model: its smaller lengthscale lies below the distance of two successive samples.
+
+It takes what it is told for noise, and between the tracks predicts the pilot's mean.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROUNDING = 1e-9
+"""Share of the distance by which a lengthscale at that very floor may lie below it."""
+
+
+def has_collapsed(
+    lengthscales: Sequence[float], pilot: NDArray[np.float64], spacing: float
+) -> bool | None:
+    """Tell whether a model has collapsed.
+
+    Parameters
+    ----------
+    lengthscales
+        Along x1 and x2, scaled units; NaN if the kernel has none.
+    pilot
+        Positions of the pilot's measurements, whose bounding box is two scaled units wide, shape
+        (n, 2), workspace units.
+    spacing
+        Distance of two successive samples, workspace units.
+
+    Returns
+    -------
+    bool or None
+        None if the kernel has no such lengthscales.
+    """
+    smaller = float(np.min(0.5 * np.asarray(lengthscales) * np.ptp(pilot, axis=0)))
+    return None if np.isnan(smaller) else smaller < spacing * (1.0 - ROUNDING)
+
+
+def told(ends: Sequence[bool | None]) -> str:
+    """Say how many missions have ended so, and what helps.
+
+    Parameters
+    ----------
+    ends
+        Whether the model of each mission has collapsed at its end; None: not known.
+
+    Returns
+    -------
+    str
+        A sentence without its full stop; empty if none has.
+    """
+    known = [end for end in ends if end is not None]
+    count = sum(known)
+    if not count:
+        return ""
+    missions = f"{count} of {len(known)} missions end" if len(known) > 1 else "the mission ends"
+    whose = "their model has" if count > 1 else "its model has"
+    return (
+        f"{missions} with a lengthscale below the distance of two samples: {whose} collapsed; try "
+        "model.min_lengthscale=1, or see docs/collapse.md"
+    )
