@@ -365,7 +365,7 @@ class ModelConfig:
 
 
 KERNELS = (
-    "squared_exponential", "matern12", "matern32", "matern52", "rational_quadratic",
+    "squared_exponential", "matern12", "matern32", "matern52", "rational_quadratic", "gibbs",
 )  # fmt: skip
 """Modules of `infoplan.model.kernels`, each of which holds a kernel."""
 

@@ -51,7 +51,7 @@ class CurveRow:
     fit_seconds: float
     predict_seconds: float
     detect_seconds: float
-    collapsed: bool | None = None
+    collapsed: bool | None
     further: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
 

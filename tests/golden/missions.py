@@ -51,6 +51,11 @@ MISSIONS = {
     "random-rational-quadratic": [
         "planner=random", "detector=none", "model.kernel=rational_quadratic",
     ],
+    "random-gibbs": ["planner=random", "detector=none", "model.kernel=gibbs"],
+    "random-guarded": [
+        "planner=random", "detector=none", "model.min_lengthscale=20", "model.restarts=1",
+        "model.lengthscale_prior=[0.3,0.5]", "model.noise_prior=[0.1,1.0]",
+    ],
     "random-lbfgs": ["planner=random", "detector=best", "model.optimizer=lbfgs"],
     "random-float32": ["planner=random", "detector=best", "model.dtype=float32"],
     "random-per-sample": ["planner=random", "detector=best", "model.iterations=per_sample"],

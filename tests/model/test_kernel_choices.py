@@ -1,7 +1,10 @@
 """The kernels that `model.kernel` chooses from, in every inference, against scikit-learn."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, RationalQuadratic
 
@@ -144,3 +147,54 @@ def test_of_a_large_shape_the_rational_quadratic_is_the_gaussian():
     assert value == pytest.approx(expected, rel=1e-5)
     np.testing.assert_allclose(np.delete(gradient, 3), by_theta, rtol=1e-4)
     assert abs(gradient[3]) < 1e-3
+
+
+def gibbs_by_loops(a, b, units, growths):
+    """Gibbs' kernel by its definition (Rasmussen & Williams, eq. 4.32), pair by pair."""
+
+    def lengthscale(x, axis):
+        x = [min(1.0, max(-1.0, x[0])), min(1.0, max(-1.0, x[1]))]
+        return units[axis] * math.exp(
+            x[0] * math.log(growths[0])
+            + x[1] * math.log(growths[1])
+            + (x[0] ** 2 + x[1] ** 2) * math.log(growths[2])
+        )
+
+    values = np.empty((len(a), len(b)))
+    for i, p in enumerate(a):
+        for j, q in enumerate(b):
+            value = 1.0
+            for axis in (0, 1):
+                lp, lq = lengthscale(p, axis), lengthscale(q, axis)
+                total = lp**2 + lq**2
+                value *= math.sqrt(2.0 * lp * lq / total)
+                value *= math.exp(-((p[axis] - q[axis]) ** 2) / total)
+            values[i, j] = value
+    return values
+
+
+def test_gibbs_kernel_is_its_definition():
+    growths = [0.6, 1.7, 1.4]
+    (a, y), (b, _) = data(25), data(9, seed=1)
+    a, b = 1.3 * a, 1.3 * b  # some beyond the pilot's box
+    kernel, theta = as_kernel("gibbs"), np.log([1.3, *UNITS, *growths, 0.04])
+    constants = kernel.constants(theta[1:-1])
+    values = [[kernel.correlation(constants, *p, *q) for q in b] for p in a]
+    np.testing.assert_allclose(values, gibbs_by_loops(a, b, UNITS, growths), rtol=1e-12)
+    covariance = 1.3**2 * gibbs_by_loops(a, a, UNITS, growths) + (0.04 + 1e-6) * np.eye(25)
+    expected = multivariate_normal(np.zeros(25), covariance).logpdf(y)
+    assert log_marginal_likelihood(a, y, theta, kernel="gibbs")[0] == pytest.approx(expected)
+
+
+def test_gibbs_kernel_starts_as_the_gaussian_and_learns_where_it_is_rough():
+    rng = np.random.default_rng(5)
+    x = rng.uniform(0.0, 50.0, (70, 2))
+    y = np.sin((x[:, 0] / 16.0) ** 3) + 0.05 * rng.normal(size=70)
+    gaussian, gibbs = (
+        GaussianProcess(x, y, kernel=name, learning_rate=0.05) for name in (KERNELS[0], "gibbs")
+    )
+    assert gibbs.log_marginal_likelihood == pytest.approx(gaussian.log_marginal_likelihood)
+    for model in (gaussian, gibbs):
+        model.optimize(60)
+    assert gibbs.log_marginal_likelihood > gaussian.log_marginal_likelihood + 5.0
+    assert gibbs.hyperparameters.growth_1 < 0.7  # rougher to the east
