@@ -74,7 +74,9 @@ def lengthscale_floors(kernel: Kernel, shortest: np.ndarray) -> np.ndarray:
     return floors
 
 
-def bounds_of(kernel: Kernel, min_noise_variance: float, floors: np.ndarray) -> Bounds:
+def bounds_of(
+    kernel: Kernel, min_noise_variance: float, floors: np.ndarray | float = -np.inf
+) -> Bounds:
     """Return the bounds of theta.
 
     Parameters
@@ -84,7 +86,7 @@ def bounds_of(kernel: Kernel, min_noise_variance: float, floors: np.ndarray) -> 
     min_noise_variance : float
         Floor of sigma^2, scaled units. Below 1e-20 it counts as 1e-20, whose logarithm is finite.
     floors : ndarray of shape (k,)
-        From `lengthscale_floors`.
+        From `lengthscale_floors`; without them there are none.
 
     Returns
     -------

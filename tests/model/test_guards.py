@@ -121,7 +121,7 @@ def test_restarts_are_the_stated_ones_and_the_best_end_counts():
     def evaluate(theta):
         return log_marginal_likelihood(*data, theta)
 
-    bounds = bounds_of(as_kernel("squared_exponential"), 1e-4, np.full(4, -np.inf))
+    bounds = bounds_of(as_kernel("squared_exponential"), 1e-4)
     drawn = [
         np.random.default_rng([0, number]).uniform(-np.log(10.0), np.log(10.0), 4)
         for number in range(9)
