@@ -1,6 +1,6 @@
 """The Gaussian process with Gaussian noise."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -37,10 +37,9 @@ class GaussianProcess(Regression):
         value again.
     dtype : {"float64", "float32"}
         Precision of kernel matrices, factorisations and solves.
-    **learning
-        How the hyperparameters are learned: `min_noise_variance`, `optimizer`, `learning_rate`,
-        `min_lengthscale`, `spacing`, `lengthscale_prior`, `noise_prior` and `restarts` of
-        `infoplan.model.regression.Regression`.
+    spacing, min_noise_variance, optimizer, learning_rate, min_lengthscale, lengthscale_prior, \
+noise_prior, restarts
+        How the hyperparameters are learned: as for `infoplan.model.regression.Regression`.
 
     Raises
     ------
@@ -53,6 +52,7 @@ class GaussianProcess(Regression):
         self,
         x_pilot: np.ndarray,
         y_pilot: np.ndarray,
+        spacing: float = 1.0,
         *,
         kernel: str | Kernel = "squared_exponential",
         amplitude: float = 1.0,
@@ -60,7 +60,13 @@ class GaussianProcess(Regression):
         noise_variance: float = 1.0,
         jitter: float = 1e-6,
         dtype: str = "float64",
-        **learning: Any,
+        min_noise_variance: float = 1e-4,
+        optimizer: str = "adam",
+        learning_rate: float = 0.01,
+        min_lengthscale: float = 0.0,
+        lengthscale_prior: Sequence[float] | None = None,
+        noise_prior: Sequence[float] | None = None,
+        restarts: int = 0,
     ) -> None:
         kernel = as_kernel(kernel)
         super().__init__(
@@ -69,5 +75,12 @@ class GaussianProcess(Regression):
             first_theta(kernel, amplitude, lengthscale, noise_variance),
             x_pilot,
             y_pilot,
-            **learning,
+            min_noise_variance=min_noise_variance,
+            optimizer=optimizer,
+            learning_rate=learning_rate,
+            min_lengthscale=min_lengthscale,
+            spacing=spacing,
+            lengthscale_prior=lengthscale_prior,
+            noise_prior=noise_prior,
+            restarts=restarts,
         )

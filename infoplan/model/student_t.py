@@ -4,7 +4,7 @@ An observation is y = f + scale t, with t from Student's t distribution of `dof`
 heavy tails, so that a far outlier hardly pulls the latent function.
 """
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -40,8 +40,10 @@ class StudentTProcess(Regression):
     jitter : float
         Added to the variance of the latent values. A covariance that is not positive definite is
         tried again with ten times as much, until it is.
-    **learning
-        As for `infoplan.model.GaussianProcess`, of the approximate log marginal likelihood.
+    spacing, min_noise_variance, optimizer, learning_rate, min_lengthscale, lengthscale_prior, \
+noise_prior, restarts
+        As for `infoplan.model.GaussianProcess`, of the approximate log marginal likelihood and the
+        squared scale.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class StudentTProcess(Regression):
         self,
         x_pilot: np.ndarray,
         y_pilot: np.ndarray,
+        spacing: float = 1.0,
         *,
         dof: float = 4.0,
         kernel: str | Kernel = "squared_exponential",
@@ -60,7 +63,13 @@ class StudentTProcess(Regression):
         lengthscale: float = 0.5,
         noise_variance: float = 1.0,
         jitter: float = 1e-6,
-        **learning: Any,
+        min_noise_variance: float = 1e-4,
+        optimizer: str = "adam",
+        learning_rate: float = 0.01,
+        min_lengthscale: float = 0.0,
+        lengthscale_prior: Sequence[float] | None = None,
+        noise_prior: Sequence[float] | None = None,
+        restarts: int = 0,
     ) -> None:
         kernel = as_kernel(kernel)
         super().__init__(
@@ -69,6 +78,13 @@ class StudentTProcess(Regression):
             first_theta(kernel, amplitude, lengthscale, noise_variance),
             x_pilot,
             y_pilot,
-            **learning,
+            min_noise_variance=min_noise_variance,
+            optimizer=optimizer,
+            learning_rate=learning_rate,
+            min_lengthscale=min_lengthscale,
+            spacing=spacing,
+            lengthscale_prior=lengthscale_prior,
+            noise_prior=noise_prior,
+            restarts=restarts,
             noise_factor=dof / (dof - 2.0),
         )

@@ -1,6 +1,6 @@
 """The Gaussian process with Gaussian noise, conditioned on nearest neighbours alone."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -35,7 +35,8 @@ class VecchiaProcess(Regression):
     ordering : {"collected", "maxmin", "random"}
         Order of conditioning: as the data come, each block as far as can be from all before, or a
         permutation. The last two look for all neighbours anew whenever data come.
-    kernel, amplitude, lengthscale, noise_variance, jitter, dtype, **learning
+    kernel, amplitude, lengthscale, noise_variance, jitter, dtype, spacing, min_noise_variance, \
+optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, restarts
         As for `infoplan.model.GaussianProcess`.
 
     Raises
@@ -50,6 +51,7 @@ class VecchiaProcess(Regression):
         self,
         x_pilot: np.ndarray,
         y_pilot: np.ndarray,
+        spacing: float = 1.0,
         *,
         neighbours: int = 30,
         block: int = 7,
@@ -61,7 +63,13 @@ class VecchiaProcess(Regression):
         noise_variance: float = 1.0,
         jitter: float = 1e-6,
         dtype: str = "float64",
-        **learning: Any,
+        min_noise_variance: float = 1e-4,
+        optimizer: str = "adam",
+        learning_rate: float = 0.01,
+        min_lengthscale: float = 0.0,
+        lengthscale_prior: Sequence[float] | None = None,
+        noise_prior: Sequence[float] | None = None,
+        restarts: int = 0,
     ) -> None:
         kernel = as_kernel(kernel)
         inference = VecchiaInference(
@@ -74,7 +82,14 @@ class VecchiaProcess(Regression):
             first_theta(kernel, amplitude, lengthscale, noise_variance),
             x_pilot,
             y_pilot,
-            **learning,
+            min_noise_variance=min_noise_variance,
+            optimizer=optimizer,
+            learning_rate=learning_rate,
+            min_lengthscale=min_lengthscale,
+            spacing=spacing,
+            lengthscale_prior=lengthscale_prior,
+            noise_prior=noise_prior,
+            restarts=restarts,
         )
 
     def optimize(self, iterations: int) -> None:
