@@ -369,10 +369,9 @@ KERNELS = ("squared_exponential",)
 
 
 @dataclass
-class GpConfig(ModelConfig):
-    """Gaussian process regression; hyperparameters in scaled units."""
+class GaussianNoiseConfig(ModelConfig):
+    """What Gaussian processes with a noise variance have; hyperparameters in scaled units."""
 
-    name: str = option("gp", "model", choices=("gp",))
     kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
@@ -385,6 +384,13 @@ class GpConfig(ModelConfig):
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+
+
+@dataclass
+class GpConfig(GaussianNoiseConfig):
+    """Gaussian process regression; hyperparameters in scaled units."""
+
+    name: str = option("gp", "model", choices=("gp",))
     dtype: str = option("float64", "precision of the matrices", choices=("float64", "float32"))
 
 
@@ -434,6 +440,27 @@ class StudentTConfig(ModelConfig):
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+
+
+@dataclass
+class RcgpConfig(GaussianNoiseConfig):
+    """Robust and conjugate Gaussian process regression: data far from a centre count less."""
+
+    name: str = option("rcgp", "model", choices=("rcgp",))
+    outlier_fraction: float = option(
+        0.2, "share of the samples expected far from the centre", above=0, below=1
+    )
+    centre_neighbours: int | None = option(
+        10,
+        "nearest samples whose median is the centre; null: the prior mean, as in the paper",
+        at_least=1,
+        at_most=10**6,
+    )
+    criterion: str = option(
+        "weighted",
+        "leave-one-out density that the optimiser maximises: each sample's by its weight, or alike",
+        choices=("weighted", "plain"),
+    )
 
 
 @dataclass
@@ -696,6 +723,7 @@ METHODS: dict[str, dict[str, Any]] = {
         "gp": GpConfig(),
         "student_t": StudentTConfig(),
         "vecchia": VecchiaConfig(),
+        "rcgp": RcgpConfig(),
         "own": OwnModelConfig(),
     },
     "fault": {
@@ -811,7 +839,7 @@ if TYPE_CHECKING:
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
         """Options of all terrains."""
 
-    class AnyModel(VecchiaConfig, StudentTConfig, OwnModelConfig):
+    class AnyModel(VecchiaConfig, StudentTConfig, RcgpConfig, OwnModelConfig):
         """Options of all models."""
 
     class AnyFault(

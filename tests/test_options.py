@@ -160,6 +160,13 @@ OF_THE_CHOICE = {
         **DETECTOR,
     },
     ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **MODEL},
+    ("model", "rcgp"): {
+        "model.outlier_fraction": 0.3,
+        "model.centre_neighbours": None,
+        "model.criterion": "plain",
+        **NUMBERS_OF_THE_GP,
+        **MODEL,
+    },
     ("model", "vecchia"): {
         "model.neighbours": 3,
         "model.block": 2,

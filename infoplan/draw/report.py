@@ -64,6 +64,7 @@ DETECTORS = {
 }
 MODELS = {
     "student_t": "STUDENT_T models the noise with heavy tails",
+    "rcgp": "RCGP lets samples count less the farther they lie from their neighbours' median",
     "vecchia": "VECCHIA predicts from the nearest samples",
 }
 """What the built-in planners, detectors and models do, as parts of the methods' names."""

@@ -88,6 +88,20 @@ def test_the_student_t_process_is_recomputed(small, volcano, tmp_path, table, co
     assert check in failing(tmp_path, name)
 
 
+@pytest.mark.parametrize(
+    "options", [{}, {"centre_neighbours": None, "criterion": "plain", "outlier_fraction": 0.3}]
+)
+def test_the_robust_conjugate_process_is_recomputed(small, volcano, tmp_path, options):
+    name = store(small, volcano, tmp_path, model=("rcgp", options))
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    models = [finding for finding in findings if finding.check.endswith("models")]
+    assert [finding.omitted for finding in models] == [""]
+    for table, column in [("curves", "lml"), ("maps", "mean"), ("maps", "std")]:
+        touch(tmp_path, table, name, column, lambda value: value * 1.01)
+        assert "final model" in failing(tmp_path, name)
+
+
 NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}
 
 

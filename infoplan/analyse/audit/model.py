@@ -127,6 +127,20 @@ def _fit_student_t(
     return centre + scale * mean, scale * std, lml
 
 
+def _fit_rcgp(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
+    """Do as `_fit` for the robust and conjugate process, by its definition."""
+    state, (x, y) = mission.curves.iloc[row], scaled_samples(mission)
+    count, criterion = mission.option("model.centre_neighbours"), mission.option("model.criterion")
+    mean, std, density = repeat.robust_conjugate(
+        x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps),
+        reference_kernel(mission, state), state["noise_std"] ** 2, state["jitter"],
+        float(mission.option("model.outlier_fraction")), None if count is None else int(count),
+        criterion == "weighted",
+    )  # fmt: skip
+    centre, scale = _elevation_scaler(mission)
+    return centre + scale * mean, scale * std, density
+
+
 def _fit_vecchia(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
     """Do as `_fit` for the process of nearest neighbours, by its definition."""
     state, (x, y) = mission.curves.iloc[row], scaled_samples(mission)
@@ -223,7 +237,7 @@ def _compare_row(mission: StoredMission, row: int, used: Booleans) -> tuple[Floa
     tolerance : float
         What may lie between them and the mission's, terrain's unit.
     """
-    fits = {"student_t": _fit_student_t, "vecchia": _fit_vecchia}
+    fits = {"student_t": _fit_student_t, "vecchia": _fit_vecchia, "rcgp": _fit_rcgp}
     mean, std, lml = fits.get(mission.option("model.name"), _fit)(mission, row, used)
     precision = _precision(mission)
     tolerance = precision * _elevation_scaler(mission)[1]
@@ -284,7 +298,7 @@ def check_final_scores(mission: StoredMission) -> str:
 def check_final_model(mission: StoredMission) -> str | Partial:
     """Check that scikit-learn, given the samples in use, predicts the stored map and last row.
 
-    Student-t noise, which it has not, is recomputed step by step.
+    What it has not, Student-t noise and weighted data, is recomputed step by step.
     """
     if mission.is_own("model"):
         return Partial("", OWN)
