@@ -464,6 +464,37 @@ class RcgpConfig(GaussianNoiseConfig):
 
 
 @dataclass
+class ItgpConfig(GpConfig):
+    """Gaussian process regression that trims the samples it predicts worst."""
+
+    name: str = option("itgp", "model", choices=("itgp",))
+    iterations: Any = option(
+        30,
+        "optimiser iterations each step of an epoch, from the start values, or as many as new "
+        "samples",
+        at_least=0,
+        at_most=10**9,
+        choices=("per_sample",),
+    )
+    optimizer: str = option(
+        "lbfgs", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
+    )
+    alpha1: float = option(0.5, "share of the samples kept while concentrating", above=0, at_most=1)
+    alpha2: float = option(
+        0.975, "probability of the interval in which reweighting keeps samples", above=0, below=1
+    )
+    shrinking: int = option(
+        2, "steps from all samples towards alpha1 of them", at_least=0, at_most=1000
+    )
+    concentrating: int = option(
+        2, "most steps with alpha1 of the samples", at_least=0, at_most=1000
+    )
+    reweighting: int = option(
+        1, "most steps with all samples inside the interval", at_least=0, at_most=1000
+    )
+
+
+@dataclass
 class OwnModelConfig(ModelConfig):
     """A model of the user's."""
 
@@ -724,6 +755,7 @@ METHODS: dict[str, dict[str, Any]] = {
         "student_t": StudentTConfig(),
         "vecchia": VecchiaConfig(),
         "rcgp": RcgpConfig(),
+        "itgp": ItgpConfig(),
         "own": OwnModelConfig(),
     },
     "fault": {
@@ -839,7 +871,7 @@ if TYPE_CHECKING:
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
         """Options of all terrains."""
 
-    class AnyModel(VecchiaConfig, StudentTConfig, RcgpConfig, OwnModelConfig):
+    class AnyModel(VecchiaConfig, ItgpConfig, StudentTConfig, RcgpConfig, OwnModelConfig):
         """Options of all models."""
 
     class AnyFault(

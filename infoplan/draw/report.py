@@ -64,6 +64,7 @@ DETECTORS = {
 }
 MODELS = {
     "student_t": "STUDENT_T models the noise with heavy tails",
+    "itgp": "ITGP trims the samples that it predicts worst",
     "rcgp": "RCGP lets samples count less the farther they lie from their neighbours' median",
     "vecchia": "VECCHIA predicts from the nearest samples",
 }

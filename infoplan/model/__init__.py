@@ -9,6 +9,7 @@ from typing import Any
 
 from infoplan.model.gp import GaussianProcess
 from infoplan.model.inference.exact import log_marginal_likelihood
+from infoplan.model.itgp import IterativeTrimmingProcess
 from infoplan.model.kernel import Hyperparameter, Kernel
 from infoplan.model.rcgp import RobustConjugateProcess
 from infoplan.model.student_t import StudentTProcess
@@ -19,12 +20,14 @@ MODELS: dict[str, Callable[..., Any]] = {
     "student_t": StudentTProcess,
     "vecchia": VecchiaProcess,
     "rcgp": RobustConjugateProcess,
+    "itgp": IterativeTrimmingProcess,
 }
 
 __all__ = [
     "MODELS",
     "GaussianProcess",
     "Hyperparameter",
+    "IterativeTrimmingProcess",
     "Kernel",
     "RobustConjugateProcess",
     "StudentTProcess",

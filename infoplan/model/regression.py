@@ -7,7 +7,7 @@ import numpy as np
 
 from infoplan.model.inference.exact import ExactInference
 from infoplan.model.kernel import Kernel
-from infoplan.model.optimizers import Adam, Lbfgs
+from infoplan.model.optimizers import optimizer_of
 from infoplan.model.scaling import Scaler, checked
 from infoplan.model.theta import (
     bounds_of,
@@ -76,7 +76,7 @@ class Regression:
         self._scaler = Scaler.of_pilot(x, y)
         self._inference, self._kernel, self._theta = inference, kernel, theta
         self._bounds = bounds_of(kernel, min_noise_variance)
-        self._optimizer = Adam(learning_rate) if optimizer == "adam" else Lbfgs()
+        self._optimizer = optimizer_of(optimizer, learning_rate)
         self._noise_factor = noise_factor
         self.replace(x, y)
 

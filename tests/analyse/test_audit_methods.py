@@ -102,6 +102,23 @@ def test_the_robust_conjugate_process_is_recomputed(small, volcano, tmp_path, op
         assert "final model" in failing(tmp_path, name)
 
 
+@pytest.mark.parametrize(
+    "steps", [{}, {"reweighting": 0}, {"reweighting": 0, "concentrating": 0, "shrinking": 1}]
+)
+def test_of_the_trimming_process_what_is_not_stored_is_told(small, volcano, tmp_path, steps):
+    name = store(
+        small, volcano, tmp_path, model=("itgp", steps),
+        detector=("gp_residual", {"threshold": 2.0}),
+    )  # fmt: skip
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    omitted = {finding.check for finding in findings if "trimmed is not" in finding.omitted}
+    assert len(omitted) == 2
+    # Its scores need the consistency factor, which follows from the options.
+    touch(tmp_path, "samples", name, "score", lambda score: score * 1.001)
+    assert failing(tmp_path, name) == {"scores"}
+
+
 NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}
 
 

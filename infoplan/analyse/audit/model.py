@@ -36,6 +36,9 @@ PRECISION = {"float64": 1e-6, "float32": 3e-3}
 OWN = "the model, which is the user's own"
 """What is not recomputed of a model that would have to be called."""
 
+TRIMMED = "which samples the model trimmed is not stored"
+"""Why the trimming process is not recomputed."""
+
 NORMAL_95 = 1.959964
 
 
@@ -214,11 +217,18 @@ def reference_kernel(mission: StoredMission, state: "pd.Series[Any]") -> Any:
 
 
 def noise_factor(mission: StoredMission) -> float:
-    """Variance of the observation noise over its squared scale."""
-    if mission.option("model.name") != "student_t":
+    """Variance of the observation noise over the square of `noise_std`."""
+    if mission.option("model.name") == "student_t":
+        dof = float(mission.option("model.dof"))
+        return dof / (dof - 2.0)
+    if mission.option("model.name") != "itgp":
         return 1.0
-    dof = float(mission.option("model.dof"))
-    return dof / (dof - 2.0)
+    share = float(mission.option("model.alpha2"))
+    if not mission.option("model.reweighting"):
+        share = float(mission.option("model.alpha1"))
+        if not mission.option("model.concentrating"):
+            share += (1.0 - share) / (float(mission.option("model.shrinking")) + 1.0)
+    return share / float(stats.chi2(3).cdf(stats.chi2(1).ppf(share)))
 
 
 def _precision(mission: StoredMission) -> float:
@@ -302,6 +312,8 @@ def check_final_model(mission: StoredMission) -> str | Partial:
     """
     if mission.is_own("model"):
         return Partial("", OWN)
+    if mission.option("model.name") == "itgp":
+        return Partial("", TRIMMED)
     last = len(mission.curves) - 1
     if mission.option("model.name") == "vecchia" and _all_neighbourhoods(mission)[last] is None:
         return Partial("", "the neighbours follow from what the model held before, not all stored")
@@ -320,6 +332,8 @@ def check_earlier_models(mission: StoredMission) -> str | Partial:
     last = len(mission.curves) - 1
     if mission.is_own("model"):
         return Partial("", f"epochs {spans(range(last))}: {OWN}")
+    if mission.option("model.name") == "itgp":
+        return Partial("", f"epochs {spans(range(last))}: {TRIMMED}")
     if mission.option("model.name") == "student_t":
         # No map of then is stored, from which to find the same mode.
         return Partial("", f"epochs {spans(range(last))}: which mode was found is not stored")
