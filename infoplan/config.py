@@ -495,6 +495,22 @@ class ItgpConfig(GpConfig):
 
 
 @dataclass
+class RelevancePursuitConfig(GaussianNoiseConfig):
+    """Gaussian process regression with noise of their own for samples that need it."""
+
+    name: str = option("relevance_pursuit", "model", choices=("relevance_pursuit",))
+    outlier_fraction: float = option(
+        0.2, "share of the samples expected to need it: mean of the prior", above=0, at_most=1
+    )
+    fractions: list[float] = option(
+        [0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5],
+        "shares that are compared, besides none",
+        above=0,
+        at_most=1,
+    )
+
+
+@dataclass
 class OwnModelConfig(ModelConfig):
     """A model of the user's."""
 
@@ -756,6 +772,7 @@ METHODS: dict[str, dict[str, Any]] = {
         "vecchia": VecchiaConfig(),
         "rcgp": RcgpConfig(),
         "itgp": ItgpConfig(),
+        "relevance_pursuit": RelevancePursuitConfig(),
         "own": OwnModelConfig(),
     },
     "fault": {
@@ -871,7 +888,10 @@ if TYPE_CHECKING:
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
         """Options of all terrains."""
 
-    class AnyModel(VecchiaConfig, ItgpConfig, StudentTConfig, RcgpConfig, OwnModelConfig):
+    class AnyModel(
+        VecchiaConfig, ItgpConfig, StudentTConfig, RcgpConfig, RelevancePursuitConfig,
+        OwnModelConfig,
+    ):  # fmt: skip
         """Options of all models."""
 
     class AnyFault(

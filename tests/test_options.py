@@ -177,6 +177,12 @@ OF_THE_CHOICE = {
         **NUMBERS_OF_THE_GP,
         **MODEL,
     },
+    ("model", "relevance_pursuit"): {
+        "model.outlier_fraction": 0.001,
+        "model.fractions": [0.02],
+        **NUMBERS_OF_THE_GP,
+        **MODEL,
+    },
     ("model", "vecchia"): {
         "model.neighbours": 3,
         "model.block": 2,

@@ -12,6 +12,7 @@ from infoplan.model.inference.exact import log_marginal_likelihood
 from infoplan.model.itgp import IterativeTrimmingProcess
 from infoplan.model.kernel import Hyperparameter, Kernel
 from infoplan.model.rcgp import RobustConjugateProcess
+from infoplan.model.relevance_pursuit import RelevancePursuitProcess
 from infoplan.model.student_t import StudentTProcess
 from infoplan.model.vecchia import VecchiaProcess
 
@@ -21,6 +22,7 @@ MODELS: dict[str, Callable[..., Any]] = {
     "vecchia": VecchiaProcess,
     "rcgp": RobustConjugateProcess,
     "itgp": IterativeTrimmingProcess,
+    "relevance_pursuit": RelevancePursuitProcess,
 }
 
 __all__ = [
@@ -29,6 +31,7 @@ __all__ = [
     "Hyperparameter",
     "IterativeTrimmingProcess",
     "Kernel",
+    "RelevancePursuitProcess",
     "RobustConjugateProcess",
     "StudentTProcess",
     "VecchiaProcess",

@@ -114,9 +114,18 @@ def test_of_the_trimming_process_what_is_not_stored_is_told(small, volcano, tmp_
     assert [finding.check for finding in findings if not finding.holds] == []
     omitted = {finding.check for finding in findings if "trimmed is not" in finding.omitted}
     assert len(omitted) == 2
-    # Its scores need the consistency factor, which follows from the options.
+    # Scores need the consistency factor, which follows from the options.
     touch(tmp_path, "samples", name, "score", lambda score: score * 1.001)
     assert failing(tmp_path, name) == {"scores"}
+
+
+def test_of_relevance_pursuit_what_is_not_stored_is_told(small, volcano, tmp_path):
+    name = store(small, volcano, tmp_path, model=("relevance_pursuit", {}))
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    assert sum("noise of their own is not" in finding.omitted for finding in findings) == 2
+    touch(tmp_path, "curves", name, "noise_std", lambda value: -value)
+    assert "hyperparameters" in failing(tmp_path, name)
 
 
 NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}

@@ -36,8 +36,11 @@ PRECISION = {"float64": 1e-6, "float32": 3e-3}
 OWN = "the model, which is the user's own"
 """What is not recomputed of a model that would have to be called."""
 
-TRIMMED = "which samples the model trimmed is not stored"
-"""Why the trimming process is not recomputed."""
+UNSTORED = {
+    "itgp": "which samples the model trimmed is not stored",
+    "relevance_pursuit": "which samples have noise of their own is not stored",
+}
+"""Models that are not recomputed, and why."""
 
 NORMAL_95 = 1.959964
 
@@ -312,8 +315,8 @@ def check_final_model(mission: StoredMission) -> str | Partial:
     """
     if mission.is_own("model"):
         return Partial("", OWN)
-    if mission.option("model.name") == "itgp":
-        return Partial("", TRIMMED)
+    if reason := UNSTORED.get(mission.option("model.name")):
+        return Partial("", reason)
     last = len(mission.curves) - 1
     if mission.option("model.name") == "vecchia" and _all_neighbourhoods(mission)[last] is None:
         return Partial("", "the neighbours follow from what the model held before, not all stored")
@@ -332,8 +335,8 @@ def check_earlier_models(mission: StoredMission) -> str | Partial:
     last = len(mission.curves) - 1
     if mission.is_own("model"):
         return Partial("", f"epochs {spans(range(last))}: {OWN}")
-    if mission.option("model.name") == "itgp":
-        return Partial("", f"epochs {spans(range(last))}: {TRIMMED}")
+    if reason := UNSTORED.get(mission.option("model.name")):
+        return Partial("", f"epochs {spans(range(last))}: {reason}")
     if mission.option("model.name") == "student_t":
         # No map of then is stored, from which to find the same mode.
         return Partial("", f"epochs {spans(range(last))}: which mode was found is not stored")
