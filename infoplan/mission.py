@@ -35,7 +35,7 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
     with culprit_named(config, "on the pilot samples"):
         collected = source.pilot()  # line 1
         belief = Belief(config, source.extent, seed, collected.readings())  # lines 2, 3 and 5
-        state = assess(belief, collected, source.grid_truth)
+        state = assess(belief, collected, source.grid_truth, source.grid_third)
     yield state
     while belief.collected < config.budget:  # line 4
         with culprit_named(config, f"in epoch {belief.epoch + 1}"):
@@ -43,5 +43,5 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
             batch = source.sample(belief.epoch + 1, trajectory)  # line 7
             belief.learn(batch.readings())  # lines 8 to 10, and 5 of the next epoch
             collected = joined(collected, batch)
-            state = assess(belief, collected, source.grid_truth)
+            state = assess(belief, collected, source.grid_truth, source.grid_third)
         yield state
