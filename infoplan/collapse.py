@@ -57,5 +57,5 @@ def told(ends: Sequence[bool | None]) -> str:
     whose = "their model has" if count > 1 else "its model has"
     return (
         f"{missions} with a lengthscale below the distance of two samples: {whose} collapsed; try "
-        "model.restarts=3, or see docs/collapse.md"
+        "model.restarts=3 (gp, student_t, vecchia), or see docs/collapse.md"
     )

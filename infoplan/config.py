@@ -398,10 +398,9 @@ class GuardedConfig(ModelConfig):
 
 
 @dataclass
-class GpConfig(GuardedConfig):
-    """Gaussian process regression; hyperparameters in scaled units."""
+class GaussianNoiseConfig(ModelConfig):
+    """What Gaussian processes with a noise variance have; hyperparameters in scaled units."""
 
-    name: str = option("gp", "model", choices=("gp",))
     kernel: str = option("squared_exponential", "correlation of two positions", choices=KERNELS)
     amplitude: float = option(1.0, "start value of the amplitude", above=0, at_most=1e6)
     lengthscale: float = option(0.5, "start value of both lengthscales", above=0, at_most=1e6)
@@ -414,6 +413,13 @@ class GpConfig(GuardedConfig):
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+
+
+@dataclass
+class GpConfig(GuardedConfig, GaussianNoiseConfig):
+    """Gaussian process regression; hyperparameters in scaled units."""
+
+    name: str = option("gp", "model", choices=("gp",))
     dtype: str = option("float64", "precision of the matrices", choices=("float64", "float32"))
 
 
@@ -463,6 +469,75 @@ class StudentTConfig(GuardedConfig):
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+
+
+@dataclass
+class RcgpConfig(GaussianNoiseConfig):
+    """Robust and conjugate Gaussian process regression: data far from a centre count less."""
+
+    name: str = option("rcgp", "model", choices=("rcgp",))
+    outlier_fraction: float = option(
+        0.2, "share of the samples expected far from the centre", above=0, below=1
+    )
+    centre_neighbours: int | None = option(
+        10,
+        "nearest samples whose median is the centre; null: the prior mean, as in the paper",
+        at_least=1,
+        at_most=10**6,
+    )
+    criterion: str = option(
+        "weighted",
+        "leave-one-out density that the optimiser maximises: each sample's by its weight, or alike",
+        choices=("weighted", "plain"),
+    )
+
+
+@dataclass
+class ItgpConfig(GaussianNoiseConfig):
+    """Gaussian process regression that trims the samples it predicts worst."""
+
+    name: str = option("itgp", "model", choices=("itgp",))
+    dtype: str = option("float64", "precision of the matrices", choices=("float64", "float32"))
+    iterations: Any = option(
+        30,
+        "optimiser iterations each step of an epoch, from the start values, or as many as new "
+        "samples",
+        at_least=0,
+        at_most=10**9,
+        choices=("per_sample",),
+    )
+    optimizer: str = option(
+        "lbfgs", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
+    )
+    alpha1: float = option(0.5, "share of the samples kept while concentrating", above=0, at_most=1)
+    alpha2: float = option(
+        0.975, "probability of the interval in which reweighting keeps samples", above=0, below=1
+    )
+    shrinking: int = option(
+        2, "steps from all samples towards alpha1 of them", at_least=0, at_most=1000
+    )
+    concentrating: int = option(
+        2, "most steps with alpha1 of the samples", at_least=0, at_most=1000
+    )
+    reweighting: int = option(
+        1, "most steps with all samples inside the interval", at_least=0, at_most=1000
+    )
+
+
+@dataclass
+class RelevancePursuitConfig(GaussianNoiseConfig):
+    """Gaussian process regression with noise of their own for samples that need it."""
+
+    name: str = option("relevance_pursuit", "model", choices=("relevance_pursuit",))
+    outlier_fraction: float = option(
+        0.2, "share of the samples expected to need it: mean of the prior", above=0, at_most=1
+    )
+    fractions: list[float] = option(
+        [0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5],
+        "shares that are compared, besides none",
+        above=0,
+        at_most=1,
+    )
 
 
 @dataclass
@@ -725,6 +800,9 @@ METHODS: dict[str, dict[str, Any]] = {
         "gp": GpConfig(),
         "student_t": StudentTConfig(),
         "vecchia": VecchiaConfig(),
+        "rcgp": RcgpConfig(),
+        "itgp": ItgpConfig(),
+        "relevance_pursuit": RelevancePursuitConfig(),
         "own": OwnModelConfig(),
     },
     "fault": {
@@ -840,7 +918,10 @@ if TYPE_CHECKING:
     class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
         """Options of all terrains."""
 
-    class AnyModel(VecchiaConfig, StudentTConfig, OwnModelConfig):
+    class AnyModel(
+        VecchiaConfig, ItgpConfig, StudentTConfig, RcgpConfig, RelevancePursuitConfig,
+        OwnModelConfig,
+    ):  # fmt: skip
         """Options of all models."""
 
     class AnyFault(

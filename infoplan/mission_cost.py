@@ -24,7 +24,7 @@ SAMPLE_BYTES = 400
 POINT_BYTES = 50
 """Of a sample of the pilot and a control point, while the curve is drawn."""
 
-PAIR_BYTES = {"gp": 8, "student_t": 48}
+PAIR_BYTES = {"gp": 8, "student_t": 48, "rcgp": 44, "itgp": 8, "relevance_pursuit": 40}
 """Of a pair of samples in a model in double precision: matrices that are held at a time."""
 
 DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}

@@ -44,19 +44,21 @@ def derived() -> Iterator[tuple[Path, str]]:
     page = ROOT / "docs" / "results.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
-    page = ROOT / "docs" / "faults.md"
-    yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
+    for name in ("faults.md", "robust_models.md"):
+        page = ROOT / "docs" / name
+        yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
     page = ROOT / "docs" / "kernels.md"
     yield page, KERNELS_TABLE.sub(_kernels_table, page.read_text(encoding="utf-8"))
 
 
 def _options_table(found: re.Match[str]) -> str:
-    """Write the options of a choice as the table of a page."""
+    """Write the options of a choice as the table of a page; of a model those that gp has not."""
     begin, group, choice, end = found.groups()
     schema = METHODS[group][choice]
+    told = {item.name for item in fields(METHODS["model"]["gp"])} if group == "model" else {"name"}
     text = "| option | default | what it is |\n|---|---|---|\n"
     for item in fields(schema):
-        if item.name != "name":
+        if item.name not in told:
             metadata = {"type": item.type, **item.metadata}
             doc = f"{metadata['doc']}: {allowed_values(metadata)}"
             text += f"| `{group}.{item.name}` | `{_value(getattr(schema, item.name))}` | {doc} |\n"

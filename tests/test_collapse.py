@@ -19,7 +19,7 @@ OLD = Path(__file__).parent / "data" / "results-0.1.0"
 FIXED = ["model.pilot_iterations=0", "model.iterations=0", "detector=none", "seeds=[2,3]"]
 SENTENCE = (
     "2 of 2 missions end with a lengthscale below the distance of two samples: their model has "
-    "collapsed; try model.restarts=3, or see docs/collapse.md"
+    "collapsed; try model.restarts=3 (gp, student_t, vecchia), or see docs/collapse.md"
 )
 
 

@@ -175,6 +175,29 @@ OF_THE_CHOICE = {
         **DETECTOR,
     },
     ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **MODEL},
+    ("model", "rcgp"): {
+        "model.outlier_fraction": 0.3,
+        "model.centre_neighbours": None,
+        "model.criterion": "plain",
+        **NUMBERS_OF_THE_GP,
+        **MODEL,
+    },
+    ("model", "itgp"): {
+        "model.alpha1": 0.8,
+        "model.alpha2": 0.6,
+        "model.shrinking": 0,
+        "model.concentrating": 0,
+        "model.reweighting": 0,
+        "model.dtype": "float32",
+        **NUMBERS_OF_THE_GP,
+        **MODEL,
+    },
+    ("model", "relevance_pursuit"): {
+        "model.outlier_fraction": 0.001,
+        "model.fractions": [0.02],
+        **NUMBERS_OF_THE_GP,
+        **MODEL,
+    },
     ("model", "vecchia"): {
         "model.neighbours": 3,
         "model.block": 2,
@@ -240,6 +263,8 @@ def base_of(group: str, choice: str) -> Config:
         options.model = "LOF"
     if choice == "gp_residual":
         options.threshold = 1.0
+    if choice == "itgp":  # of which the learning rate has something to do, and every step
+        options.optimizer, options.learning_rate, options.alpha2 = "adam", 0.3, 0.8
     if choice == "greedy":
         config.robot = replace(config.robot, steering_angles=11, samples_per_action=20)
     setattr(config, group, options)

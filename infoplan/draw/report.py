@@ -64,6 +64,9 @@ DETECTORS = {
 }
 MODELS = {
     "student_t": "STUDENT_T models the noise with heavy tails",
+    "itgp": "ITGP trims the samples that it predicts worst",
+    "rcgp": "RCGP lets samples count less the farther they lie from their neighbours' median",
+    "relevance_pursuit": "RELEVANCE_PURSUIT gives noise of their own to samples that need it",
     "vecchia": "VECCHIA predicts from the nearest samples",
 }
 """What the built-in planners, detectors and models do, as parts of the methods' names."""

@@ -157,6 +157,11 @@ class Lbfgs:
         return max(seen, key=lambda s: s[0])[1]
 
 
+def optimizer_of(name: str, learning_rate: float) -> Adam | Lbfgs:
+    """Return a new optimiser by its name in the options, adam or lbfgs."""
+    return Adam(learning_rate) if name == "adam" else Lbfgs()
+
+
 def _curvature_scale(
     scale: np.ndarray, points: list[np.ndarray], gradients: list[np.ndarray]
 ) -> np.ndarray:

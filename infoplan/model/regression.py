@@ -9,7 +9,7 @@ import numpy as np
 
 from infoplan.model.inference.exact import ExactInference
 from infoplan.model.kernel import Kernel
-from infoplan.model.optimizers import Adam, Lbfgs
+from infoplan.model.optimizers import Adam, Lbfgs, optimizer_of
 from infoplan.model.prior import Prior
 from infoplan.model.scaling import Scaler, checked
 from infoplan.model.theta import (
@@ -109,7 +109,7 @@ class Regression:
         self._bounds = bounds_of(kernel, min_noise_variance, floors)
         self._prior = Prior(kernel, lengthscale_prior, noise_prior)
         self._has_prior = lengthscale_prior is not None or noise_prior is not None
-        self._new_optimizer = partial(Adam, learning_rate) if optimizer == "adam" else Lbfgs
+        self._new_optimizer = partial(optimizer_of, optimizer, learning_rate)
         self._optimizer: Adam | Lbfgs = self._new_optimizer()
         self._restarts, self._calls = restarts, 0
         self._noise_factor = noise_factor

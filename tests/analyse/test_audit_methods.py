@@ -103,6 +103,46 @@ def test_every_kernel_is_recomputed(small, volcano, tmp_path, model, kernel):
     assert "final model" in failing(tmp_path, name)
 
 
+@pytest.mark.parametrize(
+    "options", [{}, {"centre_neighbours": None, "criterion": "plain", "outlier_fraction": 0.3}]
+)
+def test_the_robust_conjugate_process_is_recomputed(small, volcano, tmp_path, options):
+    name = store(small, volcano, tmp_path, model=("rcgp", options))
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    models = [finding for finding in findings if finding.check.endswith("models")]
+    assert [finding.omitted for finding in models] == [""]
+    for table, column in [("curves", "lml"), ("maps", "mean"), ("maps", "std")]:
+        touch(tmp_path, table, name, column, lambda value: value * 1.01)
+        assert "final model" in failing(tmp_path, name)
+
+
+@pytest.mark.parametrize(
+    "steps", [{}, {"reweighting": 0}, {"reweighting": 0, "concentrating": 0, "shrinking": 1}]
+)
+def test_of_the_trimming_process_what_is_not_stored_is_told(small, volcano, tmp_path, steps):
+    name = store(
+        small, volcano, tmp_path, model=("itgp", steps),
+        detector=("gp_residual", {"threshold": 2.0}),
+    )  # fmt: skip
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    omitted = {finding.check for finding in findings if "trimmed is not" in finding.omitted}
+    assert len(omitted) == 2
+    # Scores need the consistency factor, which follows from the options.
+    touch(tmp_path, "samples", name, "score", lambda score: score * 1.001)
+    assert failing(tmp_path, name) == {"scores"}
+
+
+def test_of_relevance_pursuit_what_is_not_stored_is_told(small, volcano, tmp_path):
+    name = store(small, volcano, tmp_path, model=("relevance_pursuit", {}))
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    assert sum("noise of their own is not" in finding.omitted for finding in findings) == 2
+    touch(tmp_path, "curves", name, "noise_std", lambda value: -value)
+    assert "hyperparameters" in failing(tmp_path, name)
+
+
 NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}
 
 

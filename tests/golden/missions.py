@@ -36,6 +36,11 @@ MISSIONS = {
     ],
     "random-pyod": ["planner=random", "detector=pyod", "detector.model=IForest"],
     "random-student-t": ["planner=random", "detector=none", "model=student_t"],
+    "random-rcgp": ["planner=random", "detector=none", "model=rcgp"],
+    "random-itgp": ["planner=random", "detector=none", "model=itgp", "pilot.outliers=true"],
+    "random-relevance-pursuit": [
+        "planner=random", "detector=none", "model=relevance_pursuit",
+    ],
     "random-vecchia": [
         "planner=random", "detector=gp_residual", "model=vecchia", "model.neighbours=8",
         "model.prediction_neighbours=30",

@@ -38,6 +38,12 @@ PRECISION = {"float64": 1e-6, "float32": 3e-3}
 OWN = "the model, which is the user's own"
 """What is not recomputed of a model that would have to be called."""
 
+UNSTORED = {
+    "itgp": "which samples the model trimmed is not stored",
+    "relevance_pursuit": "which samples have noise of their own is not stored",
+}
+"""Models that are not recomputed, and why."""
+
 NORMAL_95 = 1.959964
 
 
@@ -167,6 +173,20 @@ def _fit_student_t(
     return centre + scale * mean, scale * std, lml
 
 
+def _fit_rcgp(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
+    """Do as `_fit` for the robust and conjugate process, by its definition."""
+    state, (x, y) = mission.curves.iloc[row], scaled_samples(mission)
+    count, criterion = mission.option("model.centre_neighbours"), mission.option("model.criterion")
+    mean, std, density = repeat.robust_conjugate(
+        x[: len(used)][used], y[: len(used)][used], _scaled(mission, mission.maps),
+        reference_kernel(mission, state), state["noise_std"] ** 2, state["jitter"],
+        float(mission.option("model.outlier_fraction")), None if count is None else int(count),
+        criterion == "weighted",
+    )  # fmt: skip
+    centre, scale = _elevation_scaler(mission)
+    return centre + scale * mean, scale * std, density
+
+
 def _fit_vecchia(mission: StoredMission, row: int, used: Booleans) -> tuple[Floats, Floats, float]:
     """Do as `_fit` for the process of nearest neighbours, by its definition."""
     state, (x, y) = mission.curves.iloc[row], scaled_samples(mission)
@@ -245,11 +265,18 @@ def reference_kernel(mission: StoredMission, state: "pd.Series[Any]") -> Any:
 
 
 def noise_factor(mission: StoredMission) -> float:
-    """Variance of the observation noise over its squared scale."""
-    if mission.option("model.name") != "student_t":
+    """Variance of the observation noise over the square of `noise_std`."""
+    if mission.option("model.name") == "student_t":
+        dof = float(mission.option("model.dof"))
+        return dof / (dof - 2.0)
+    if mission.option("model.name") != "itgp":
         return 1.0
-    dof = float(mission.option("model.dof"))
-    return dof / (dof - 2.0)
+    share = float(mission.option("model.alpha2"))
+    if not mission.option("model.reweighting"):
+        share = float(mission.option("model.alpha1"))
+        if not mission.option("model.concentrating"):
+            share += (1.0 - share) / (float(mission.option("model.shrinking")) + 1.0)
+    return share / float(stats.chi2(3).cdf(stats.chi2(1).ppf(share)))
 
 
 def _precision(mission: StoredMission) -> float:
@@ -268,7 +295,7 @@ def _compare_row(mission: StoredMission, row: int, used: Booleans) -> tuple[Floa
     tolerance : float
         What may lie between them and the mission's, terrain's unit.
     """
-    fits = {"student_t": _fit_student_t, "vecchia": _fit_vecchia}
+    fits = {"student_t": _fit_student_t, "vecchia": _fit_vecchia, "rcgp": _fit_rcgp}
     mean, std, lml = fits.get(mission.option("model.name"), _fit)(mission, row, used)
     precision = _precision(mission)
     tolerance = precision * _elevation_scaler(mission)[1]
@@ -351,10 +378,12 @@ def check_final_scores(mission: StoredMission) -> str:
 def check_final_model(mission: StoredMission) -> str | Partial:
     """Check that scikit-learn, given the samples in use, predicts the stored map and last row.
 
-    Student-t noise, which it has not, is recomputed step by step.
+    What it has not, Student-t noise and weighted data, is recomputed step by step.
     """
     if mission.is_own("model"):
         return Partial("", OWN)
+    if reason := UNSTORED.get(mission.option("model.name")):
+        return Partial("", reason)
     last = len(mission.curves) - 1
     if mission.option("model.name") == "vecchia" and _all_neighbourhoods(mission)[last] is None:
         return Partial("", "the neighbours follow from what the model held before, not all stored")
@@ -373,6 +402,8 @@ def check_earlier_models(mission: StoredMission) -> str | Partial:
     last = len(mission.curves) - 1
     if mission.is_own("model"):
         return Partial("", f"epochs {spans(range(last))}: {OWN}")
+    if reason := UNSTORED.get(mission.option("model.name")):
+        return Partial("", f"epochs {spans(range(last))}: {reason}")
     if mission.option("model.name") == "student_t":
         # No map of then is stored, from which to find the same mode.
         return Partial("", f"epochs {spans(range(last))}: which mode was found is not stored")

@@ -294,3 +294,59 @@ def _derivatives(residual: Floats, v: float, dof: float) -> tuple[Floats, Floats
     """First and minus second derivative of the log density by the latent value."""
     d = v + residual**2
     return (dof + 1.0) * residual / d, (dof + 1.0) * (v - residual**2) / d**2
+
+
+def robust_conjugate(
+    x: Floats,
+    y: Floats,
+    query: Floats,
+    kernel: Any,
+    noise: float,
+    jitter: float,
+    outlier_fraction: float,
+    neighbours: int | None,
+    weighted: bool,
+) -> tuple[Floats, Floats, float]:
+    """Robust and conjugate Gaussian process by the formulas of its paper, with general solves.
+
+    Parameters
+    ----------
+    x, y
+        Scaled data, shapes (n, 2) and (n,).
+    query
+        Where to predict, shape (m, 2).
+    kernel
+        Of the latent function, scikit-learn's.
+    noise
+        sigma^2.
+    jitter
+        Added to the variances of the data.
+    outlier_fraction, neighbours, weighted
+        As the options `outlier_fraction`, `centre_neighbours` and `criterion` of the model.
+
+    Returns
+    -------
+    mean, std : ndarrays, shape (m,)
+        Latent prediction.
+    density : float
+        Leave-one-out log predictive density, weighted or not.
+    """
+    centre = np.zeros(len(y))
+    for i in range(len(y) if neighbours and len(y) > 1 else 0):
+        squares = (x[i, 0] - x[:, 0]) ** 2 + (x[i, 1] - x[:, 1]) ** 2
+        others = np.delete(np.arange(len(y)), i)
+        reach = np.sort(squares[others])[: int(neighbours or 0)][-1]
+        centre[i] = np.median(y[others][squares[others] <= reach])
+    distance = y - centre
+    c = np.quantile(np.abs(distance), 1.0 - outlier_fraction)
+    weight = np.sqrt(noise / 2.0) / np.sqrt(1.0 + (distance / c) ** 2)
+    diagonal = noise * (noise / 2.0) / weight**2  # sigma^2 J_w
+    target = y + noise * 2.0 * distance / (c**2 + distance**2)  # y - sigma^2 d log(w^2) / dy
+    inverse = np.linalg.inv(kernel(x) + np.diag(diagonal + jitter))
+    cross = kernel(query, x)
+    variance = kernel.diag(query) - np.sum((cross @ inverse) * cross, axis=1)
+    left_out = target - inverse @ target / np.diag(inverse)
+    spread = 1.0 / np.diag(inverse) - diagonal + noise
+    share = 2.0 * weight**2 / noise if weighted else np.ones(len(y))
+    density = share @ stats.norm.logpdf(y, left_out, np.sqrt(spread))
+    return cross @ inverse @ target, np.sqrt(variance), float(density)
