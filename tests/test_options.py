@@ -112,6 +112,8 @@ NUMBERS_OF_THE_GP = {
     "model.learning_rate": 0.05,
     "model.min_noise_variance": 0.9,
     "model.kernel": "matern32",
+}
+GUARDS = {
     "model.min_lengthscale": 30.0,
     "model.lengthscale_prior": [0.05, 0.1],
     "model.noise_prior": [0.01, 0.1],
@@ -174,7 +176,7 @@ OF_THE_CHOICE = {
         "detector.function": "own_methods.low",
         **DETECTOR,
     },
-    ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **MODEL},
+    ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **GUARDS, **MODEL},
     ("model", "rcgp"): {
         "model.outlier_fraction": 0.3,
         "model.centre_neighbours": None,
@@ -205,6 +207,7 @@ OF_THE_CHOICE = {
         "model.ordering": "maxmin",
         "model.dtype": "float32",
         **NUMBERS_OF_THE_GP,
+        **GUARDS,
         **MODEL,
     },
     ("model", "own"): {

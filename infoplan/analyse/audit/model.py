@@ -29,6 +29,7 @@ from infoplan.analyse.audit.stored import (
 )
 from infoplan.model.kernels import as_kernel
 from infoplan.model.theta import names_of
+from infoplan.study.terms import as_meant
 from infoplan.tables import TABLES
 from infoplan.wording import spans
 
@@ -71,7 +72,9 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
         lambda e: f"the jitter of epoch {e} is {curves['jitter'][e]:.4g} < {jitter}",
     )
     low, high = _pilot_box(mission)
-    spacing = float(mission.option("model.min_lengthscale")) * float(mission.option("robot.speed"))
+    # Not every model has that guard.
+    shortest = float(as_meant(mission.configuration)["model"].get("min_lengthscale", 0.0))
+    spacing = shortest * float(mission.option("robot.speed"))
     floors = dict(zip(("lengthscale_1", "lengthscale_2"), 2 * spacing / (high - low), strict=True))
     for name in sorted(floors.keys() & set(names)):
         _demand_floor(name, curves[name].to_numpy(), floors[name])
