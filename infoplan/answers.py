@@ -150,3 +150,23 @@ def checked_prediction(prediction: Any, n: int, name: str) -> tuple[Floats, Floa
             "look at its data and its numerical precision"
         )
     return mean, std
+
+
+def checked_covariance(covariance: Any, n: int, name: str) -> Floats:
+    """Return the covariance that a model tells, if that is what it is, shape (n, n).
+
+    Raises
+    ------
+    RunError
+        If it is not.
+    """
+    try:
+        found = np.asarray(covariance, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (n, n) or not (np.isfinite(found).all() and (np.diag(found) > 0.0).all()):
+        raise RunError(
+            f"the model {name} tells no covariance: covariance must return {n} rows and columns of "
+            "finite numbers with positive variances"
+        )
+    return found

@@ -150,8 +150,31 @@ class PlannerConfig:
     )
 
 
+OF_COVARIANCE = ("mutual_information", "variance_reduction")
+"""Rewards for which the model must tell how its predictions go together."""
+
+REWARDS = ("std", *OF_COVARIANCE, "ucb")
+"""What a planner may gather along its track."""
+
+
 @dataclass
-class TreeSearchConfig(PlannerConfig):
+class GatheringConfig(PlannerConfig):
+    """What all planners have that add up a reward along the track."""
+
+    reward: str = option(
+        "std",
+        "of a sample: the deviation there, what it says about all other nodes, by how much it "
+        "lowers their variances, or mean plus kappa deviations",
+        choices=REWARDS,
+    )
+    kappa: float = option(
+        2.0, "weight of the deviation in the reward ucb", at_least=0, at_most=1e12
+    )
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
+class TreeSearchConfig(GatheringConfig):
     """Tree search over the robot's actions."""
 
     name: str = option("puct", "tree policy", choices=("uct", "puct"))
@@ -163,7 +186,6 @@ class TreeSearchConfig(PlannerConfig):
         at_least=0,
         at_most=1e12,
     )
-    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
 @dataclass
@@ -186,12 +208,11 @@ class RandomConfig(PlannerConfig):
 
 
 @dataclass
-class GreedyConfig(PlannerConfig):
+class GreedyConfig(GatheringConfig):
     """The best next action, one after the other."""
 
     name: str = option("greedy", "planner", choices=("greedy",))
     actions: int = option(6, "actions of a plan", at_least=1, at_most=10**6)
-    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
 @dataclass
@@ -904,6 +925,11 @@ def validate(config: MissionConfig) -> None:
         raise UsageError(
             f"planner.spacing={planner.spacing} is too narrow: it must be at least "
             f"robot.speed={plain_number(speed)}, the distance between samples"
+        )
+    if getattr(planner, "reward", "") in OF_COVARIANCE and planner.noisy_std:
+        raise UsageError(
+            f"planner.noisy_std=true has no use with planner.reward={planner.reward}, in which the "
+            "noise is: leave planner.noisy_std=false"
         )
     if config.budget <= config.pilot.samples:
         raise UsageError(

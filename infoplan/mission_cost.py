@@ -7,7 +7,7 @@ cannot be done is refused.
 import math
 from dataclasses import dataclass
 
-from infoplan.config import MissionConfig, TreeSearchConfig
+from infoplan.config import OF_COVARIANCE, MissionConfig, TreeSearchConfig
 from infoplan.errors import UsageError
 from infoplan.machine import machine_memory, size
 from infoplan.wording import rough
@@ -29,6 +29,9 @@ PAIR_BYTES = {"gp": 8, "student_t": 48}
 
 DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
 """Of a judged sample and one that it is judged by."""
+
+NODE_PAIR_BYTES = 24
+"""Of a pair of nodes, for a reward of their covariance: matrices that are held at a time."""
 
 GROUP = 25
 """Nodes that a model of nearest neighbours predicts from the same samples."""
@@ -77,6 +80,11 @@ def parts(config: MissionConfig) -> list[Part]:
         Part(
             budget * SAMPLE_BYTES + pairs * budget**2 + predicted + _neighbour_bytes(config),
             f"the model of {rough(budget)} samples", f"budget={config.budget}",
+        ),
+        Part(
+            NODE_PAIR_BYTES * nodes**2 if _of_covariance(config) else 0.0,
+            f"the covariance of {rough(nodes)} nodes",
+            f"grid={config.grid} with planner.reward={getattr(planner, 'reward', '')}",
         ),
         Part(
             DETECTOR_PAIR_BYTES.get(detector.name, 0) * judged * budget,
@@ -143,6 +151,8 @@ def seconds_of(config: MissionConfig) -> float:
         # third.
         operations += config.model.pilot_iterations * pilot**3
         operations += epochs * (per_epoch * budget**3 / 4 + nodes * budget**2 / 3)
+    if _of_covariance(config):
+        operations += epochs * (nodes**2 * budget / 2 + nodes**3)
     along = robot.samples_per_action
     if isinstance(planner, TreeSearchConfig):
         step = (1 + planner.rollouts) * along * STEP_SECONDS
@@ -159,6 +169,11 @@ def _neighbour_bytes(config: MissionConfig) -> float:
         return 0.0
     blocks = 24.0 * config.budget / model.block * model.neighbours
     return blocks + 8.0 * nodes / GROUP * model.prediction_neighbours
+
+
+def _of_covariance(config: MissionConfig) -> bool:
+    """Whether the planner's reward is made of the covariance of all nodes."""
+    return getattr(config.planner, "reward", "") in OF_COVARIANCE
 
 
 def _plan_actions(config: MissionConfig) -> float:

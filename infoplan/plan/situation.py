@@ -23,6 +23,11 @@ class Situation:
     std
         The model's standard deviation at the nodes of the query grid, shape (rows, cols), terrain's
         unit; row 0 at ymin, column 0 at xmin, the outer nodes on the borders.
+    mean
+        The model's mean there, shape (rows, cols), terrain's unit.
+    reward_map
+        What a sample there is worth, none negative, shape (rows, cols): what the planner's option
+        ``reward`` says; the deviation for planners without it.
     outlier_density
         Smoothed count of the flagged samples there, shape (rows, cols).
     extent
@@ -45,6 +50,8 @@ class Situation:
 
     pose: Floats
     std: Floats
+    mean: Floats
+    reward_map: Floats
     outlier_density: Floats
     extent: tuple[float, float, float, float]
     speed: float

@@ -5,7 +5,11 @@ from typing import Any
 
 from infoplan.config import METHODS
 
-ADDED_LATER = {"model.kernel": "squared_exponential"}
+ADDED_LATER = {
+    "model.kernel": "squared_exponential",
+    "planner.reward": "std",
+    "planner.kappa": 2.0,
+}
 """Options of groups that runs of earlier versions have not stored, and what they flew with.
 
 With this value they are not stored today either, so that the run keeps its name.

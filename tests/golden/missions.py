@@ -30,6 +30,13 @@ MISSIONS = {
     "uct-best-first-action": ["planner=uct", "detector=best", "planner.execute_actions=1"],
     "weighted-copod": ["planner=weighted", "detector=copod"],
     "greedy-local": ["planner=greedy", "detector=local"],
+    "uct-mutual-information": [
+        "planner=uct", "detector=none", "planner.reward=mutual_information",
+    ],
+    "puct-variance-reduction": [
+        "planner=puct", "detector=copod", "planner.reward=variance_reduction",
+    ],
+    "greedy-ucb": ["planner=greedy", "detector=none", "planner.reward=ucb", "planner.kappa=1"],
     "lawnmower-gp-residual": ["planner=lawnmower", "detector=gp_residual"],
     "random-gp-residual-historical": [
         "planner=random", "detector=gp_residual", "detector.scope=historical",

@@ -18,6 +18,7 @@ def situation(pose=(20.0, 5.0, 0.3), seed=0, **changes):
     fields = {
         "pose": np.array(pose),
         "std": rng.uniform(1, 5, (15, 20)),
+        "mean": 100 * np.ones((15, 20)),
         "outlier_density": rng.uniform(0, 2, (15, 20)),
         "extent": EXTENT,
         "speed": 0.7,
@@ -28,7 +29,8 @@ def situation(pose=(20.0, 5.0, 0.3), seed=0, **changes):
         "epoch": 1,
         "budget": 500,
     }
-    return Situation(**(fields | changes))
+    fields |= changes
+    return Situation(**({"reward_map": fields["std"]} | fields))
 
 
 def rng(seed=0):
@@ -101,6 +103,16 @@ def test_valid_actions_are_those_that_stay_inside():
     for pose in POSES:
         scene = situation(pose)
         assert scene.valid_actions() == [a for a in range(5) if is_inside(scene, [a])]
+
+
+@pytest.mark.parametrize("name", ["uct", "puct", "weighted", "greedy"])
+def test_planners_gather_the_reward_and_not_the_deviation(name):
+    worth = np.random.default_rng(5).uniform(0, 1, (15, 20))
+    found, expected, other = (
+        PLANNERS[name](scene, rng(2)).tolist()
+        for scene in (situation(reward_map=worth), situation(std=worth), situation())
+    )
+    assert found == expected != other
 
 
 def test_weighted_with_all_weight_on_one_reward_is_uct_on_it():
