@@ -56,13 +56,14 @@ def checked_drive(situation: Situation, actions: Integers, name: str) -> Floats:
     """
     if not len(actions):
         raise RunError(
-            "no action stays in the workspace, whatever the heading: make terrain.extent larger "
-            "or the robot's actions shorter"
+            "no action stays in the workspace, whatever the heading: make terrain.extent larger, "
+            "terrain.obstacles smaller or the robot's actions shorter"
         )
     trajectory = situation.drive(actions)
     if not situation.stays_inside(trajectory):
         raise RunError(
-            f"the planner {name} gave the actions {actions.tolist()}, which leave the workspace: "
+            f"the planner {name} gave the actions {actions.tolist()}, which leave the workspace or "
+            "touch an obstacle: "
             "it must choose among situation.valid_actions(pose), action by action"
         )
     return trajectory

@@ -21,6 +21,7 @@ from infoplan.detect import Evidence
 from infoplan.errors import RunError
 from infoplan.extent import Extent, query_grid
 from infoplan.methods import check_covariance, find, method_label
+from infoplan.obstacles import NOWHERE, Obstacles
 from infoplan.plan import Situation, count_flags, smooth
 from infoplan.plan.rewards import (
     mutual_information,
@@ -59,6 +60,8 @@ class Belief:
     pilot
         The samples that fit the scalers and the model's first hyperparameters (Algorithm 1, lines
         2 and 3).
+    obstacles
+        Where the robot must not go.
 
     Attributes
     ----------
@@ -92,8 +95,16 @@ class Belief:
         If a measurement is beyond 1e100, or the model cannot take the pilot.
     """
 
-    def __init__(self, config: MissionConfig, extent: Extent, seed: int, pilot: Readings):
+    def __init__(
+        self,
+        config: MissionConfig,
+        extent: Extent,
+        seed: int,
+        pilot: Readings,
+        obstacles: Obstacles = NOWHERE,
+    ):
         self.config = config
+        self.obstacles = obstacles
         self.extent = extent
         self.seed = seed
         check_covariance(config)
@@ -142,6 +153,7 @@ class Belief:
         rng = generator(self.seed, "planner", self.epoch + 1)
         with self._timed("plan"):
             situation = self._situation()
+            self._check_place(situation)
             actions = self._ask_planner(situation, rng)
             for _ in range(TURNS):
                 if len(actions):
@@ -206,7 +218,17 @@ class Belief:
             n_pilot=int(np.sum(self.epochs == 0)),
             epoch=self.epoch + 1,
             budget=self.config.budget,
+            obstacles=self.obstacles,
         )
+
+    def _check_place(self, situation: Situation) -> None:
+        """Refuse to plan from within an obstacle, which no action could leave."""
+        if self.obstacles.contain(situation.pose[:2]).any():
+            x, y = situation.pose[:2].tolist()
+            raise RunError(
+                f"the robot is at ({x:g}, {y:g}), in an obstacle of terrain.obstacles: bring it "
+                "out, or make the obstacle smaller"
+            )
 
     def _ask_planner(self, situation: Situation, rng: np.random.Generator) -> Integers:
         plan = self._planner(situation, rng)

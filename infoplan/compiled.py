@@ -35,6 +35,7 @@ SOURCES = (
     "model/kernel.py",
     *sorted(f"model/kernels/{file.name}" for file in (_PACKAGE / "model/kernels").glob("*.py")),
     "model/packed.py",
+    "obstacles.py",
     "plan/pareto.py",
     "plan/reward_maps.py",
     "plan/tree_search.py",

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
-from infoplan.extent import checked_extent
+from infoplan.extent import MAX_COORDINATE, checked_extent
 from infoplan.options import check_options, option, plain_number
 
 
@@ -31,6 +31,19 @@ class TerrainConfig:
         "quarter turns counter-clockwise; from 4 on mirrored first",
         at_least=0,
         at_most=7,
+    )
+    obstacles: list[list[list[float]]] = option(
+        [],
+        "no-go zones: polygons, each a list of its vertices [x,y], which no track touches",
+        unit="workspace units",
+        at_least=-MAX_COORDINATE,
+        at_most=MAX_COORDINATE,
+    )
+    obstacles_mask: str | None = option(
+        None,
+        "a map, any that terrain.path takes, spread over the workspace; what it marks, not 0, is "
+        "no-go, too; stored as terrain.obstacles",
+        science=False,
     )
 
 
@@ -170,7 +183,6 @@ class GatheringConfig(PlannerConfig):
     kappa: float = option(
         2.0, "weight of the deviation in the reward ucb", at_least=0, at_most=1e12
     )
-    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
 @dataclass
@@ -186,6 +198,7 @@ class TreeSearchConfig(GatheringConfig):
         at_least=0,
         at_most=1e12,
     )
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
 @dataclass
@@ -213,6 +226,7 @@ class GreedyConfig(GatheringConfig):
 
     name: str = option("greedy", "planner", choices=("greedy",))
     actions: int = option(6, "actions of a plan", at_least=1, at_most=10**6)
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
 @dataclass

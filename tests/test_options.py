@@ -15,6 +15,7 @@ from infoplan.terrain import load_terrain
 DEFAULTS = {
     "terrain.name": "helens",
     "terrain.extent": [0, 50, 0, 50],
+    "terrain.obstacles": [],
     "grid": [50, 50],
     "robot.speed": 0.7,
     "robot.samples_per_action": 10,
@@ -55,6 +56,7 @@ CHANGES = {
     "terrain.extent": [0.0, 60.0, 0.0, 40.0],
     "terrain.unit": "m",
     "terrain.orientation": 3,
+    "terrain.obstacles": [[[22.0, 27.0], [36.0, 27.0], [36.0, 34.0], [22.0, 34.0]]],
     "grid": [14, 11],
     "robot.speed": 0.5,
     "robot.samples_per_action": 7,
@@ -284,7 +286,13 @@ def names_to_change(config, prefix: str = "") -> set[str]:
 
 def test_every_scientific_option_is_tried_here():
     names = names_to_change(MissionConfig())
-    names -= {"terrain.name", "terrain.path", "terrain.on_missing", "detector.name"}
+    names -= {
+        "terrain.name",
+        "terrain.path",
+        "terrain.on_missing",
+        "terrain.obstacles_mask",
+        "detector.name",
+    }
     assert names == set(CHANGES)
 
 

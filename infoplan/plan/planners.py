@@ -142,6 +142,7 @@ def _most_visited(
         exploration=exploration,
         pareto=len(rewards) > 1,
         rng=rng,
+        obstacles=situation.obstacles,
     )
     return most_visited_actions(tree, rng)
 

@@ -9,6 +9,7 @@ ADDED_LATER = {
     "model.kernel": "squared_exponential",
     "planner.reward": "std",
     "planner.kappa": 2.0,
+    "terrain.obstacles": [],
 }
 """Options of groups that runs of earlier versions have not stored, and what they flew with.
 

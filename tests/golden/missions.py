@@ -37,6 +37,9 @@ MISSIONS = {
         "planner=puct", "detector=copod", "planner.reward=variance_reduction",
     ],
     "greedy-ucb": ["planner=greedy", "detector=none", "planner.reward=ucb", "planner.kappa=1"],
+    "uct-obstacles": [
+        "planner=uct", "detector=none", "terrain.obstacles=[[[22,27],[36,27],[36,34],[22,34]]]",
+    ],
     "lawnmower-gp-residual": ["planner=lawnmower", "detector=gp_residual"],
     "random-gp-residual-historical": [
         "planner=random", "detector=gp_residual", "detector.scope=historical",
