@@ -38,7 +38,9 @@ SOURCES = (
     "obstacles.py",
     "plan/pareto.py",
     "plan/reward_maps.py",
+    "plan/rig_tree.py",
     "plan/tree_search.py",
+    "plan/waypoints.py",
     "robot.py",
 )
 """All modules with kernels: a kernel holds the machine code of those that it calls."""

@@ -230,6 +230,58 @@ class GreedyConfig(GatheringConfig):
 
 
 @dataclass
+class BayesOptConfig(GatheringConfig):
+    """Bayesian optimisation: drive to the node of the largest reward."""
+
+    name: str = option("bayes_opt", "planner", choices=("bayes_opt",))
+    reward: str = option(
+        "ucb",
+        "acquisition function: mean plus kappa deviations, or another worth of a node",
+        choices=REWARDS,
+    )
+    actions: int = option(6, "most actions of a plan", at_least=1, at_most=10**6)
+    distance_penalty: float = option(
+        0.0,
+        "taken from the reward for each workspace unit of the way",
+        unit="the reward's",
+        at_least=0,
+        at_most=1e100,
+    )
+
+
+@dataclass
+class RigTreeConfig(GatheringConfig):
+    """RIG-tree: a random tree of actions, of which the best branch is driven."""
+
+    name: str = option("rig_tree", "planner", choices=("rig_tree",))
+    samples: int = option(300, "random places that the tree grows to", at_least=1, at_most=10**6)
+    actions: int = option(8, "budget of a branch, in actions", at_least=1, at_most=10**4)
+    near: float = option(
+        4.0, "nodes so far around a new one are extended to it, too", unit="workspace units",
+        at_least=0, at_most=1e12,
+    )  # fmt: skip
+    prune: float = option(
+        1.0, "nodes so far apart are of one place, of which the better stays",
+        unit="workspace units", at_least=0, at_most=1e12,
+    )  # fmt: skip
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
+class CmaesConfig(GatheringConfig):
+    """CMA-ES: waypoints moved until the track past them gathers most."""
+
+    name: str = option("cmaes", "planner", choices=("cmaes",))
+    waypoints: int = option(4, "number of waypoints", at_least=1, at_most=100)
+    actions: int = option(8, "most actions of a plan", at_least=1, at_most=10**4)
+    spread: float = option(
+        0.25, "first deviation of the waypoints, a share of the sides", above=0, at_most=1
+    )
+    evaluations: int = option(300, "tracks that are tried", at_least=1, at_most=10**6)
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
 class LawnmowerConfig(PlannerConfig):
     """Coverage in parallel tracks, whatever was measured."""
 
@@ -712,6 +764,9 @@ METHODS: dict[str, dict[str, Any]] = {
         "puct": TreeSearchConfig(name="puct"),
         "weighted": WeightedConfig(),
         "greedy": GreedyConfig(),
+        "bayes_opt": BayesOptConfig(),
+        "rig_tree": RigTreeConfig(),
+        "cmaes": CmaesConfig(),
         "lawnmower": LawnmowerConfig(),
         "random": RandomConfig(),
         "own": OwnPlannerConfig(),
@@ -834,7 +889,10 @@ if TYPE_CHECKING:
     Written = TypeVar("Written", contravariant=True)
 
     # For type checkers an option of any choice is there: which choice it is, is known at run time.
-    class AnyPlanner(WeightedConfig, GreedyConfig, LawnmowerConfig, RandomConfig, OwnPlannerConfig):
+    class AnyPlanner(
+        WeightedConfig, GreedyConfig, BayesOptConfig, RigTreeConfig, CmaesConfig, LawnmowerConfig,
+        RandomConfig, OwnPlannerConfig,
+    ):  # fmt: skip
         """Options of all planners."""
 
     class AnyDetector(
@@ -940,7 +998,7 @@ def validate(config: MissionConfig) -> None:
             f"planner.spacing={planner.spacing} is too narrow: it must be at least "
             f"robot.speed={plain_number(speed)}, the distance between samples"
         )
-    if getattr(planner, "reward", "") in OF_COVARIANCE and planner.noisy_std:
+    if getattr(planner, "reward", "") in OF_COVARIANCE and getattr(planner, "noisy_std", False):
         raise UsageError(
             f"planner.noisy_std=true has no use with planner.reward={planner.reward}, in which the "
             "noise is: leave planner.noisy_std=false"

@@ -5,12 +5,14 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from infoplan.config import (
     METHODS,
     OF_COVARIANCE,
+    CmaesConfig,
     GatheringConfig,
     MissionConfig,
     OwnDetectorConfig,
@@ -122,6 +124,11 @@ def complete(config: MissionConfig) -> MissionConfig:
             f"{method_label(config.model)} has not: use another detector, or model=gp"
         )
     check_covariance(config)
+    if isinstance(config.planner, CmaesConfig) and not find_spec("cma"):
+        raise UsageError(
+            "planner=cmaes needs the package cma: pip install 'infoplan[cmaes]', or use another "
+            "planner"
+        )
     return completed
 
 

@@ -42,8 +42,9 @@ def derived() -> Iterator[tuple[Path, str]]:
     page = ROOT / "docs" / "results.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
-    page = ROOT / "docs" / "faults.md"
-    yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
+    for name in ("faults.md", "planners.md"):
+        page = ROOT / "docs" / name
+        yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
 
 
 def _options_table(found: re.Match[str]) -> str:

@@ -40,6 +40,12 @@ MISSIONS = {
     "uct-obstacles": [
         "planner=uct", "detector=none", "terrain.obstacles=[[[22,27],[36,27],[36,34],[22,34]]]",
     ],
+    "bayes-opt": ["planner=bayes_opt", "detector=none", "planner.distance_penalty=5"],
+    "rig-tree-obstacles": [
+        "planner=rig_tree", "detector=none", "planner.samples=60",
+        "terrain.obstacles=[[[22,27],[36,27],[36,34],[22,34]]]",
+    ],
+    "cmaes": ["planner=cmaes", "detector=none", "planner.evaluations=60"],
     "lawnmower-gp-residual": ["planner=lawnmower", "detector=gp_residual"],
     "random-gp-residual-historical": [
         "planner=random", "detector=gp_residual", "detector.scope=historical",

@@ -4,49 +4,16 @@ import itertools
 
 import numpy as np
 import pytest
+from plan_scenes import EXTENT, poses_of, situation
 from scipy import stats
 
-from infoplan.plan import PLANNERS, Situation, normalise
+from infoplan.plan import PLANNERS, normalise
 from infoplan.plan.lawnmower import advance, coverage_path, nearest_action
-from infoplan.robot import steering_angles, turn_on_the_spot
-
-EXTENT = (0.0, 50.0, -10.0, 30.0)
-
-
-def situation(pose=(20.0, 5.0, 0.3), seed=0, **changes):
-    rng = np.random.default_rng(seed)
-    fields = {
-        "pose": np.array(pose),
-        "std": rng.uniform(1, 5, (15, 20)),
-        "mean": 100 * np.ones((15, 20)),
-        "outlier_density": rng.uniform(0, 2, (15, 20)),
-        "extent": EXTENT,
-        "speed": 0.7,
-        "samples_per_action": 10,
-        "steering": steering_angles(0.15, 5),
-        "visited": np.array([[25.0, 10.0], pose[:2]]),
-        "n_pilot": 2,
-        "epoch": 1,
-        "budget": 500,
-    }
-    fields |= changes
-    return Situation(**({"reward_map": fields["std"]} | fields))
+from infoplan.robot import turn_on_the_spot
 
 
 def rng(seed=0):
     return np.random.default_rng(seed)
-
-
-def poses_of(scene, actions):
-    """Drive with plain arithmetic, in a list of (x, y)."""
-    x, y, heading = scene.pose
-    poses = []
-    for action in actions:
-        for _ in range(scene.samples_per_action):
-            x, y = x + scene.speed * np.cos(heading), y + scene.speed * np.sin(heading)
-            heading += scene.steering[action]
-            poses.append((x, y))
-    return np.array(poses)
 
 
 def is_inside(scene, actions):
