@@ -36,7 +36,7 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
         collected = source.pilot()  # line 1
         # Lines 2, 3 and 5.
         belief = Belief(config, source.extent, seed, collected.readings(), source.obstacles)
-        state = assess(belief, collected, source.grid_truth)
+        state = assess(belief, collected, source.grid_truth, source.grid_third)
     yield state
     while belief.collected < config.budget:  # line 4
         with culprit_named(config, f"in epoch {belief.epoch + 1}"):
@@ -44,5 +44,5 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
             batch = source.sample(belief.epoch + 1, trajectory)  # line 7
             belief.learn(batch.readings())  # lines 8 to 10, and 5 of the next epoch
             collected = joined(collected, batch)
-            state = assess(belief, collected, source.grid_truth)
+            state = assess(belief, collected, source.grid_truth, source.grid_third)
         yield state

@@ -23,6 +23,8 @@ class Source(Protocol):
         Where the robot must not go.
     grid_truth
         Elevation at the nodes of the query grid, row-major, terrain's unit; NaN where unknown.
+    grid_third
+        Third of the grid by relief that each of them is in (`infoplan.terrain.relief.thirds`).
     is_steered
         Whether it goes where it is told; else it gives the next batch that there is.
     """
@@ -30,6 +32,7 @@ class Source(Protocol):
     extent: Extent
     obstacles: Obstacles
     grid_truth: Floats
+    grid_third: NDArray[np.intp]
     is_steered: bool
 
     def pilot(self) -> Batch:
@@ -56,17 +59,20 @@ class StoredSource:
     ----------
     samples
         All of them.
-    extent, grid_truth
+    extent, grid_truth, grid_third
         As of `Source`.
     """
 
     is_steered = False
     obstacles = NOWHERE  # nothing is planned
 
-    def __init__(self, samples: Samples, extent: Extent, grid_truth: Floats):
+    def __init__(
+        self, samples: Samples, extent: Extent, grid_truth: Floats, grid_third: NDArray[np.intp]
+    ):
         self.samples = samples
         self.extent = extent
         self.grid_truth = grid_truth
+        self.grid_third = grid_third
 
     def pilot(self) -> Batch:
         """Give the samples of the pilot."""

@@ -12,6 +12,7 @@ from infoplan.mission import explore
 from infoplan.samples import Samples
 from infoplan.scoring import State
 from infoplan.source import StoredSource
+from infoplan.terrain.relief import local_relief, thirds
 
 
 def explore_again(
@@ -37,7 +38,9 @@ def explore_again(
         After the pilot and after each epoch.
     """
     truth = maps["truth"].to_numpy(dtype=np.float64)
-    source = StoredSource(stored_samples(samples), checked_extent(config.terrain.extent), truth)
+    extent = checked_extent(config.terrain.extent)
+    third = thirds(local_relief(truth.reshape(config.grid), extent)).ravel()
+    source = StoredSource(stored_samples(samples), extent, truth, third)
     # A planner or fault of the user's own need not be there any more.
     flown = replace(config, planner=stand_in(config), fault=SpikeConfig(), budget=len(samples))
     return explore(flown, source, seed)
