@@ -7,7 +7,13 @@ cannot be done is refused.
 import math
 from dataclasses import dataclass
 
-from infoplan.config import OF_COVARIANCE, MissionConfig, TreeSearchConfig
+from infoplan.config import (
+    OF_COVARIANCE,
+    CmaesConfig,
+    MissionConfig,
+    RigTreeConfig,
+    TreeSearchConfig,
+)
 from infoplan.errors import UsageError
 from infoplan.machine import machine_memory, size
 from infoplan.wording import rough
@@ -32,6 +38,9 @@ DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
 
 NODE_PAIR_BYTES = 24
 """Of a pair of nodes, for a reward of their covariance: matrices that are held at a time."""
+
+NODES_A_PLACE = 8
+"""Nodes that a RIG-tree has room for, a random place."""
 
 GROUP = 25
 """Nodes that a model of nearest neighbours predicts from the same samples."""
@@ -103,6 +112,11 @@ def parts(config: MissionConfig) -> list[Part]:
             else f"robot.steering_angles={angles}",
         ),
         Part(
+            _branch_bytes(config),
+            f"the tree of rig_tree towards {rough(getattr(planner, 'samples', 0))} places",
+            f"planner.samples={getattr(planner, 'samples', 0)}",
+        ),
+        Part(
             100.0 * angles + 50.0 * _plan_actions(config) * config.robot.samples_per_action,
             f"a plan among {rough(angles)} actions",
             f"robot.steering_angles={angles}, robot.samples_per_action="
@@ -157,6 +171,12 @@ def seconds_of(config: MissionConfig) -> float:
     if isinstance(planner, TreeSearchConfig):
         step = (1 + planner.rollouts) * along * STEP_SECONDS
         planning = planner.iterations * (step + robot.steering_angles * CHOICE_SECONDS)
+    elif isinstance(planner, CmaesConfig):
+        step = robot.steering_angles * along * STEP_SECONDS
+        planning = planner.evaluations * planner.actions * step
+    elif isinstance(planner, RigTreeConfig):
+        # Each place looks at all nodes of the tree, of which there are at least as many.
+        planning = planner.samples**2 * CHOICE_SECONDS
     else:
         planning = _plan_actions(config) * robot.steering_angles * along * PYTHON_STEP_SECONDS
     return operations / FLOPS + epochs * planning
@@ -174,6 +194,14 @@ def _neighbour_bytes(config: MissionConfig) -> float:
 def _of_covariance(config: MissionConfig) -> bool:
     """Whether the planner's reward is made of the covariance of all nodes."""
     return getattr(config.planner, "reward", "") in OF_COVARIANCE
+
+
+def _branch_bytes(config: MissionConfig) -> float:
+    """Bytes of the nodes of a RIG-tree, with the places that each action passes."""
+    if not isinstance(config.planner, RigTreeConfig):
+        return 0.0
+    node = 60.0 + 8.0 * config.robot.samples_per_action + config.robot.steering_angles
+    return NODES_A_PLACE * config.planner.samples * node
 
 
 def _plan_actions(config: MissionConfig) -> float:

@@ -19,7 +19,7 @@ Integers = NDArray[np.int64]
 Extent = tuple[float, float, float, float]
 
 NODES_A_SAMPLE = 8
-"""The tree has at most so many nodes a random position."""
+"""The tree has room for so many nodes a random place."""
 
 SAME_HEADING = math.pi / 4
 """Nodes of one place compare only if they head the same way, to so many radians."""

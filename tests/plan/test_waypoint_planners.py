@@ -8,6 +8,7 @@ from plan_scenes import poses_of, situation
 
 import infoplan
 from infoplan.cli import main
+from infoplan.mission_cost import memory_of, seconds_of
 from infoplan.plan import PLANNERS
 from infoplan.plan.waypoints import follow
 
@@ -147,3 +148,14 @@ def test_bayes_opt_begins_with_the_upper_confidence_bound():
     planners = {name: infoplan.configure(f"planner={name}").planner.reward for name in PLANNERS
                 if name in ("bayes_opt", "rig_tree", "cmaes")}  # fmt: skip
     assert planners == {"bayes_opt": "ucb", "rig_tree": "std", "cmaes": "std"}
+
+
+def test_what_they_need_is_reckoned_with():
+    small, large = (
+        infoplan.configure("planner=rig_tree", f"planner.samples={n}") for n in (1, 1_000_000)
+    )
+    assert memory_of(large) - memory_of(small) > 1e9
+    few, many = (
+        infoplan.configure("planner=cmaes", f"planner.evaluations={n}") for n in (1, 1_000_000)
+    )
+    assert seconds_of(many) > seconds_of(few) + 60
