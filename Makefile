@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser coverage bench check derived faults kernels clean
+.PHONY: help run figures test test-long test-browser coverage bench check derived faults kernels planners clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -39,6 +39,9 @@ check: $(VENV)/.installed-dev ## set up and run the linter, the type checker and
 
 derived: $(VENV)/.installed ## write conf/ and the tables in docs/ again, from the code that defines them
 	$(BIN)/python scripts/derive.py
+
+planners: $(VENV)/.installed-dev ## draw the picture of docs/planners.md again
+	$(BIN)/python scripts/draw_planners.py
 
 faults: $(VENV)/.installed ## draw the pictures of docs/faults.md again
 	$(BIN)/python scripts/draw_faults.py

@@ -56,13 +56,14 @@ def checked_drive(situation: Situation, actions: Integers, name: str) -> Floats:
     """
     if not len(actions):
         raise RunError(
-            "no action stays in the workspace, whatever the heading: make terrain.extent larger "
-            "or the robot's actions shorter"
+            "no action stays in the workspace, whatever the heading: make terrain.extent larger, "
+            "terrain.obstacles smaller or the robot's actions shorter"
         )
     trajectory = situation.drive(actions)
     if not situation.stays_inside(trajectory):
         raise RunError(
-            f"the planner {name} gave the actions {actions.tolist()}, which leave the workspace: "
+            f"the planner {name} gave the actions {actions.tolist()}, which leave the workspace or "
+            "touch an obstacle: "
             "it must choose among situation.valid_actions(pose), action by action"
         )
     return trajectory
@@ -150,3 +151,23 @@ def checked_prediction(prediction: Any, n: int, name: str) -> tuple[Floats, Floa
             "look at its data and its numerical precision"
         )
     return mean, std
+
+
+def checked_covariance(covariance: Any, n: int, name: str) -> Floats:
+    """Return the covariance that a model tells, if that is what it is, shape (n, n).
+
+    Raises
+    ------
+    RunError
+        If it is not.
+    """
+    try:
+        found = np.asarray(covariance, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (n, n) or not (np.isfinite(found).all() and (np.diag(found) > 0.0).all()):
+        raise RunError(
+            f"the model {name} tells no covariance: covariance must return {n} rows and columns of "
+            "finite numbers with positive variances"
+        )
+    return found

@@ -13,6 +13,7 @@ from infoplan.errors import UsageError
 from infoplan.extent import checked_extent
 from infoplan.mission import explore
 from infoplan.mission_cost import check_mission
+from infoplan.obstacles import obstacles_of
 from infoplan.samples import Batch, Samples, joined
 from infoplan.scoring import CurveRow, State, assess
 from infoplan.simulator import Simulator
@@ -193,7 +194,13 @@ class Mission:
         if self._told:
             raise UsageError("this mission has been started: give further samples to observe()")
         with culprit_named(self.config, "on the pilot samples"):
-            belief = Belief(self.config, self.terrain.extent, self.seed, pilot.readings())
+            belief = Belief(
+                self.config,
+                self.terrain.extent,
+                self.seed,
+                pilot.readings(),
+                self.terrain.obstacles,
+            )
         self._told = belief, pilot
 
     def plan(self) -> Floats:
@@ -267,7 +274,12 @@ def _frames(
     return Frames(*(getattr(tables, name).to_pandas() for name in ("curves", "samples", "maps")))
 
 
-def workspace(extent: "Sequence[float]", unit: str = "m", name: str = "field") -> Terrain:
+def workspace(
+    extent: "Sequence[float]",
+    unit: str = "m",
+    name: str = "field",
+    obstacles: "Sequence[Sequence[Sequence[float]]]" = (),
+) -> Terrain:
     """Terrain of unknown elevation, for missions whose samples come from elsewhere.
 
     Parameters
@@ -278,6 +290,8 @@ def workspace(extent: "Sequence[float]", unit: str = "m", name: str = "field") -
         Of the measurements.
     name
         What tables call it.
+    obstacles
+        Polygons that the robot must not touch: the vertices of each, at least three pairs x, y.
 
     Returns
     -------
@@ -287,10 +301,13 @@ def workspace(extent: "Sequence[float]", unit: str = "m", name: str = "field") -
     Raises
     ------
     UsageError
-        If the extent is no rectangle.
+        If the extent is no rectangle, or an obstacle no polygon.
     """
     unknown = np.full((2, 2), np.nan)
-    return Terrain(name, unknown, checked_extent(extent), unit, array_digest(unknown))
+    return Terrain(
+        name, unknown, checked_extent(extent), unit, array_digest(unknown),
+        obstacles=obstacles_of(obstacles),
+    )  # fmt: skip
 
 
 def as_samples(

@@ -10,13 +10,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from infoplan.answers import checked_actions, checked_drive, checked_prediction, checked_verdict
+from infoplan.answers import (
+    checked_actions,
+    checked_covariance,
+    checked_drive,
+    checked_prediction,
+    checked_verdict,
+)
 from infoplan.config import GuardedConfig, MissionConfig
 from infoplan.detect import Evidence
 from infoplan.errors import RunError
 from infoplan.extent import Extent, query_grid
-from infoplan.methods import find, method_label
+from infoplan.methods import check_covariance, find, method_label
+from infoplan.obstacles import NOWHERE, Obstacles
 from infoplan.plan import Situation, count_flags, smooth
+from infoplan.plan.rewards import (
+    mutual_information,
+    upper_confidence_bound,
+    variance_reduction,
+)
 from infoplan.randomness import generator
 from infoplan.robot import steering_angles, turn_on_the_spot
 from infoplan.samples import Readings, joined
@@ -49,6 +61,8 @@ class Belief:
     pilot
         The samples that fit the scalers and the model's first hyperparameters (Algorithm 1, lines
         2 and 3).
+    obstacles
+        Where the robot must not go.
 
     Attributes
     ----------
@@ -76,15 +90,25 @@ class Belief:
     Raises
     ------
     UsageError
-        If a planner, detector or model of the user's own cannot be had.
+        If a planner, detector or model of the user's own cannot be had, or the planner's reward
+        does not go with the model.
     RunError
         If a measurement is beyond 1e100, or the model cannot take the pilot.
     """
 
-    def __init__(self, config: MissionConfig, extent: Extent, seed: int, pilot: Readings):
+    def __init__(
+        self,
+        config: MissionConfig,
+        extent: Extent,
+        seed: int,
+        pilot: Readings,
+        obstacles: Obstacles = NOWHERE,
+    ):
         self.config = config
+        self.obstacles = obstacles
         self.extent = extent
         self.seed = seed
+        check_covariance(config)
         self._planner = find("planner", config.planner)
         self._detector = find("detector", config.detector)
         new_model = find("model", config.model)
@@ -132,6 +156,7 @@ class Belief:
         rng = generator(self.seed, "planner", self.epoch + 1)
         with self._timed("plan"):
             situation = self._situation()
+            self._check_place(situation)
             actions = self._ask_planner(situation, rng)
             for _ in range(TURNS):
                 if len(actions):
@@ -181,9 +206,12 @@ class Belief:
     def _situation(self) -> Situation:
         """Gather what the planner is given."""
         robot, readings = self.config.robot, self.readings
+        std = self._reward_std()
         return Situation(
             pose=np.append(readings.x[-1], readings.heading[-1]),
-            std=_locked(self._reward_std().reshape(self._shape)),
+            std=_locked(std.reshape(self._shape)),
+            mean=_locked(self.mean.reshape(self._shape)),
+            reward_map=_locked(self._reward(std).reshape(self._shape)),
             outlier_density=self.outlier_density(),
             extent=self.extent,
             speed=robot.speed,
@@ -193,7 +221,17 @@ class Belief:
             n_pilot=int(np.sum(self.epochs == 0)),
             epoch=self.epoch + 1,
             budget=self.config.budget,
+            obstacles=self.obstacles,
         )
+
+    def _check_place(self, situation: Situation) -> None:
+        """Refuse to plan from within an obstacle, which no action could leave."""
+        if self.obstacles.contain(situation.pose[:2]).any():
+            x, y = situation.pose[:2].tolist()
+            raise RunError(
+                f"the robot is at ({x:g}, {y:g}), in an obstacle of terrain.obstacles: bring it "
+                "out, or make the obstacle smaller"
+            )
 
     def _ask_planner(self, situation: Situation, rng: np.random.Generator) -> Integers:
         plan = self._planner(situation, rng)
@@ -204,13 +242,37 @@ class Belief:
         """Give the standard deviation on the query grid that rewards the planner."""
         if not getattr(self.config.planner, "noisy_std", False):
             return self.std
+        return np.hypot(self.std, self._noise_std("planner.noisy_std=true"))
+
+    def _reward(self, std: Floats) -> Floats:
+        """Give what a sample at each node of the query grid is worth to the planner."""
+        planner = self.config.planner
+        reward = getattr(planner, "reward", "std")
+        if reward == "std":
+            return std
+        if reward == "ucb":
+            return upper_confidence_bound(self.mean, std, planner.kappa)
+        noise_variance = self._noise_std(f"planner.reward={reward}") ** 2
+        measure = mutual_information if reward == "mutual_information" else variance_reduction
+        return measure(self._covariance(), noise_variance)
+
+    def _covariance(self) -> Floats:
+        """Give the covariance of the prediction at the nodes of the query grid."""
+        return checked_covariance(
+            self.model.covariance(self.nodes), len(self.nodes), method_label(self.config.model)
+        )
+
+    def _noise_std(self, needed_by: str) -> float:
+        """Give the deviation of the noise that the model has learned."""
         noise = number_of(self.model, "observation_noise_std")
         if np.isnan(noise):
+            name = needed_by.partition("=")[0]
+            remedy = "planner.noisy_std=false" if name == "planner.noisy_std" else f"{name}=std"
             raise RunError(
-                "planner.noisy_std=true needs a model with observation_noise_std, which "
-                f"{method_label(self.config.model)} has not: leave planner.noisy_std=false"
+                f"{needed_by} needs a model with observation_noise_std, which "
+                f"{method_label(self.config.model)} has not: use {remedy}"
             )
-        return np.hypot(self.std, noise)
+        return noise
 
     def _judge(self) -> None:
         """Ask the detector for its verdict on the samples that are to be judged."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from infoplan.errors import UsageError
-from infoplan.extent import checked_extent
+from infoplan.extent import MAX_COORDINATE, checked_extent
 from infoplan.options import check_options, option, plain_number
 
 
@@ -31,6 +31,19 @@ class TerrainConfig:
         "quarter turns counter-clockwise; from 4 on mirrored first",
         at_least=0,
         at_most=7,
+    )
+    obstacles: list[list[list[float]]] = option(
+        [],
+        "no-go zones: polygons, each a list of its vertices [x,y], which no track touches",
+        unit="workspace units",
+        at_least=-MAX_COORDINATE,
+        at_most=MAX_COORDINATE,
+    )
+    obstacles_mask: str | None = option(
+        None,
+        "a map, any that terrain.path takes, spread over the workspace; what it marks, not 0, is "
+        "no-go, too; stored as terrain.obstacles",
+        science=False,
     )
 
 
@@ -150,8 +163,30 @@ class PlannerConfig:
     )
 
 
+OF_COVARIANCE = ("mutual_information", "variance_reduction")
+"""Rewards for which the model must tell how its predictions go together."""
+
+REWARDS = ("std", *OF_COVARIANCE, "ucb")
+"""What a planner may gather along its track."""
+
+
 @dataclass
-class TreeSearchConfig(PlannerConfig):
+class GatheringConfig(PlannerConfig):
+    """What all planners have that add up a reward along the track."""
+
+    reward: str = option(
+        "std",
+        "of a sample: the deviation there, what it says about all other nodes, by how much it "
+        "lowers their variances, or mean plus kappa deviations",
+        choices=REWARDS,
+    )
+    kappa: float = option(
+        2.0, "weight of the deviation in the reward ucb", at_least=0, at_most=1e12
+    )
+
+
+@dataclass
+class TreeSearchConfig(GatheringConfig):
     """Tree search over the robot's actions."""
 
     name: str = option("puct", "tree policy", choices=("uct", "puct"))
@@ -186,11 +221,63 @@ class RandomConfig(PlannerConfig):
 
 
 @dataclass
-class GreedyConfig(PlannerConfig):
+class GreedyConfig(GatheringConfig):
     """The best next action, one after the other."""
 
     name: str = option("greedy", "planner", choices=("greedy",))
     actions: int = option(6, "actions of a plan", at_least=1, at_most=10**6)
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
+class BayesOptConfig(GatheringConfig):
+    """Bayesian optimisation: drive to the node of the largest reward."""
+
+    name: str = option("bayes_opt", "planner", choices=("bayes_opt",))
+    reward: str = option(
+        "ucb",
+        "acquisition function: mean plus kappa deviations, or another worth of a node",
+        choices=REWARDS,
+    )
+    actions: int = option(6, "most actions of a plan", at_least=1, at_most=10**6)
+    distance_penalty: float = option(
+        0.0,
+        "taken from the reward for each workspace unit of the way",
+        unit="the reward's",
+        at_least=0,
+        at_most=1e100,
+    )
+
+
+@dataclass
+class RigTreeConfig(GatheringConfig):
+    """RIG-tree: a random tree of actions, of which the best branch is driven."""
+
+    name: str = option("rig_tree", "planner", choices=("rig_tree",))
+    samples: int = option(300, "random places that the tree grows to", at_least=1, at_most=10**6)
+    actions: int = option(8, "budget of a branch, in actions", at_least=1, at_most=10**4)
+    near: float = option(
+        4.0, "nodes so far around a new one are extended to it, too", unit="workspace units",
+        at_least=0, at_most=1e12,
+    )  # fmt: skip
+    prune: float = option(
+        1.0, "nodes so far apart are of one place, of which the better stays",
+        unit="workspace units", at_least=0, at_most=1e12,
+    )  # fmt: skip
+    noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
+
+
+@dataclass
+class CmaesConfig(GatheringConfig):
+    """CMA-ES: waypoints moved until the track past them gathers most."""
+
+    name: str = option("cmaes", "planner", choices=("cmaes",))
+    waypoints: int = option(4, "number of waypoints", at_least=1, at_most=100)
+    actions: int = option(8, "most actions of a plan", at_least=1, at_most=10**4)
+    spread: float = option(
+        0.25, "first deviation of the waypoints, a share of the sides", above=0, at_most=1
+    )
+    evaluations: int = option(300, "tracks that are tried", at_least=1, at_most=10**6)
     noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
 
@@ -781,6 +868,9 @@ METHODS: dict[str, dict[str, Any]] = {
         "puct": TreeSearchConfig(name="puct"),
         "weighted": WeightedConfig(),
         "greedy": GreedyConfig(),
+        "bayes_opt": BayesOptConfig(),
+        "rig_tree": RigTreeConfig(),
+        "cmaes": CmaesConfig(),
         "lawnmower": LawnmowerConfig(),
         "random": RandomConfig(),
         "own": OwnPlannerConfig(),
@@ -906,7 +996,10 @@ if TYPE_CHECKING:
     Written = TypeVar("Written", contravariant=True)
 
     # For type checkers an option of any choice is there: which choice it is, is known at run time.
-    class AnyPlanner(WeightedConfig, GreedyConfig, LawnmowerConfig, RandomConfig, OwnPlannerConfig):
+    class AnyPlanner(
+        WeightedConfig, GreedyConfig, BayesOptConfig, RigTreeConfig, CmaesConfig, LawnmowerConfig,
+        RandomConfig, OwnPlannerConfig,
+    ):  # fmt: skip
         """Options of all planners."""
 
     class AnyDetector(
@@ -1014,6 +1107,11 @@ def validate(config: MissionConfig) -> None:
         raise UsageError(
             f"planner.spacing={planner.spacing} is too narrow: it must be at least "
             f"robot.speed={plain_number(speed)}, the distance between samples"
+        )
+    if getattr(planner, "reward", "") in OF_COVARIANCE and getattr(planner, "noisy_std", False):
+        raise UsageError(
+            f"planner.noisy_std=true has no use with planner.reward={planner.reward}, in which the "
+            "noise is: leave planner.noisy_std=false"
         )
     if config.budget <= config.pilot.samples:
         raise UsageError(

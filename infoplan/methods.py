@@ -5,11 +5,15 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from infoplan.config import (
     METHODS,
+    OF_COVARIANCE,
+    CmaesConfig,
+    GatheringConfig,
     MissionConfig,
     OwnDetectorConfig,
     OwnFaultConfig,
@@ -23,7 +27,7 @@ from infoplan.own import load, resolve_options
 OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig, OwnFaultConfig)
 
 OF_THE_MISSION = {
-    "planner": ("name", "execute_actions", "smoothing", "noisy_std"),
+    "planner": ("name", "execute_actions", "smoothing", "reward", "kappa", "noisy_std"),
     "detector": ("name", "scope"),
     "model": ("name", "pilot_iterations", "iterations"),
     "fault": ("name",),
@@ -119,7 +123,33 @@ def complete(config: MissionConfig) -> MissionConfig:
             "detector=gp_residual needs a model with a method weights_and_inverse, which "
             f"{method_label(config.model)} has not: use another detector, or model=gp"
         )
+    check_covariance(config)
+    if isinstance(config.planner, CmaesConfig) and not find_spec("cma"):
+        raise UsageError(
+            "planner=cmaes needs the package cma: pip install 'infoplan[cmaes]', or use another "
+            "planner"
+        )
     return completed
+
+
+def check_covariance(config: MissionConfig) -> None:
+    """Refuse a reward of the covariance with a model that does not tell it.
+
+    Raises
+    ------
+    UsageError
+        If the model's class has no method ``covariance``, or cannot be had.
+    """
+    planner, model = config.planner, config.model
+    if not isinstance(planner, GatheringConfig) or planner.reward not in OF_COVARIANCE:
+        return
+    own = isinstance(model, OwnModelConfig)
+    made_by = load_own("model", model) if own else _built_in("model")[model.name]
+    if not hasattr(made_by, "covariance"):
+        raise UsageError(
+            f"planner.reward={planner.reward} needs a model with a method covariance, which "
+            f"{method_label(model)} has not: use planner.reward=std, or model=gp"
+        )
 
 
 def stored_methods(config: MissionConfig) -> dict[str, dict[str, Any]]:

@@ -34,7 +34,8 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
     check_mission(config)
     with culprit_named(config, "on the pilot samples"):
         collected = source.pilot()  # line 1
-        belief = Belief(config, source.extent, seed, collected.readings())  # lines 2, 3 and 5
+        # Lines 2, 3 and 5.
+        belief = Belief(config, source.extent, seed, collected.readings(), source.obstacles)
         state = assess(belief, collected, source.grid_truth, source.grid_third)
     yield state
     while belief.collected < config.budget:  # line 4

@@ -7,7 +7,13 @@ cannot be done is refused.
 import math
 from dataclasses import dataclass
 
-from infoplan.config import MissionConfig, TreeSearchConfig
+from infoplan.config import (
+    OF_COVARIANCE,
+    CmaesConfig,
+    MissionConfig,
+    RigTreeConfig,
+    TreeSearchConfig,
+)
 from infoplan.errors import UsageError
 from infoplan.machine import machine_memory, size
 from infoplan.wording import rough
@@ -29,6 +35,12 @@ PAIR_BYTES = {"gp": 8, "student_t": 48, "rcgp": 44, "itgp": 8, "relevance_pursui
 
 DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
 """Of a judged sample and one that it is judged by."""
+
+NODE_PAIR_BYTES = 24
+"""Of a pair of nodes, for a reward of their covariance: matrices that are held at a time."""
+
+NODES_A_PLACE = 8
+"""Nodes that a RIG-tree has room for, a random place."""
 
 GROUP = 25
 """Nodes that a model of nearest neighbours predicts from the same samples."""
@@ -79,6 +91,11 @@ def parts(config: MissionConfig) -> list[Part]:
             f"the model of {rough(budget)} samples", f"budget={config.budget}",
         ),
         Part(
+            NODE_PAIR_BYTES * nodes**2 if _of_covariance(config) else 0.0,
+            f"the covariance of {rough(nodes)} nodes",
+            f"grid={config.grid} with planner.reward={getattr(planner, 'reward', '')}",
+        ),
+        Part(
             DETECTOR_PAIR_BYTES.get(detector.name, 0) * judged * budget,
             f"the detector {detector.name} on {rough(judged)} of {rough(budget)} samples",
             f"budget={config.budget}" + (" or detector.scope=historical" if judged > batch else ""),
@@ -93,6 +110,11 @@ def parts(config: MissionConfig) -> list[Part]:
             f"the search tree of {rough(iterations)} iterations and {rough(angles)} actions",
             f"planner.iterations={iterations}" if iterations > angles
             else f"robot.steering_angles={angles}",
+        ),
+        Part(
+            _branch_bytes(config),
+            f"the tree of rig_tree towards {rough(getattr(planner, 'samples', 0))} places",
+            f"planner.samples={getattr(planner, 'samples', 0)}",
         ),
         Part(
             100.0 * angles + 50.0 * _plan_actions(config) * config.robot.samples_per_action,
@@ -143,10 +165,18 @@ def seconds_of(config: MissionConfig) -> float:
         # third.
         operations += config.model.pilot_iterations * pilot**3
         operations += epochs * (per_epoch * budget**3 / 4 + nodes * budget**2 / 3)
+    if _of_covariance(config):
+        operations += epochs * (nodes**2 * budget / 2 + nodes**3)
     along = robot.samples_per_action
     if isinstance(planner, TreeSearchConfig):
         step = (1 + planner.rollouts) * along * STEP_SECONDS
         planning = planner.iterations * (step + robot.steering_angles * CHOICE_SECONDS)
+    elif isinstance(planner, CmaesConfig):
+        step = robot.steering_angles * along * STEP_SECONDS
+        planning = planner.evaluations * planner.actions * step
+    elif isinstance(planner, RigTreeConfig):
+        # Each place looks at all nodes of the tree, of which there are at least as many.
+        planning = planner.samples**2 * CHOICE_SECONDS
     else:
         planning = _plan_actions(config) * robot.steering_angles * along * PYTHON_STEP_SECONDS
     return operations / FLOPS + epochs * planning
@@ -159,6 +189,19 @@ def _neighbour_bytes(config: MissionConfig) -> float:
         return 0.0
     blocks = 24.0 * config.budget / model.block * model.neighbours
     return blocks + 8.0 * nodes / GROUP * model.prediction_neighbours
+
+
+def _of_covariance(config: MissionConfig) -> bool:
+    """Whether the planner's reward is made of the covariance of all nodes."""
+    return getattr(config.planner, "reward", "") in OF_COVARIANCE
+
+
+def _branch_bytes(config: MissionConfig) -> float:
+    """Bytes of the nodes of a RIG-tree, with the places that each action passes."""
+    if not isinstance(config.planner, RigTreeConfig):
+        return 0.0
+    node = 60.0 + 8.0 * config.robot.samples_per_action + config.robot.steering_angles
+    return NODES_A_PLACE * config.planner.samples * node
 
 
 def _plan_actions(config: MissionConfig) -> float:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from infoplan.answers import checked_corruption
 from infoplan.config import MissionConfig
+from infoplan.errors import UsageError
 from infoplan.extent import query_grid
 from infoplan.fault import Corrupted, Sensed
 from infoplan.methods import find, method_label
@@ -41,6 +42,7 @@ class Simulator:
         self.terrain = terrain
         self.seed = seed
         self.extent = terrain.extent
+        self.obstacles = terrain.obstacles
         rows, columns = config.grid
         x, y = query_grid(terrain.extent, (rows, columns)).T
         self.grid_truth = terrain.elevation_at(x, y)
@@ -53,8 +55,7 @@ class Simulator:
 
     def pilot_path(self) -> Floats:
         """Poses along the Bezier curve that circles the workspace, shape (n, 3)."""
-        pilot = self.config.pilot
-        return bezier_path(np.array(pilot.control_points), self.extent, pilot.samples)
+        return pilot_path(self.config, self.terrain)
 
     def pilot(self) -> Batch:
         """Drive the pilot's path."""
@@ -83,6 +84,25 @@ class Simulator:
         corrupted = checked_corruption(said, sensed, method_label(self.config.fault))
         self._fault_state = corrupted.state
         return corrupted
+
+
+def pilot_path(config: MissionConfig, terrain: Terrain) -> Floats:
+    """Poses along the Bezier curve that circles the workspace, shape (n, 3).
+
+    Raises
+    ------
+    UsageError
+        If it touches an obstacle.
+    """
+    points = np.array(config.pilot.control_points)
+    path = bezier_path(points, terrain.extent, config.pilot.samples)
+    if (met := terrain.obstacles.meet(path[:, :2])) is not None:
+        x, y, _ = path[met].tolist()
+        raise UsageError(
+            f"the pilot path meets an obstacle of terrain.obstacles near ({x:.3g}, {y:.3g}), its "
+            f"sample {met + 1}: move pilot.control_points, or the obstacle"
+        )
+    return path
 
 
 def measure(truth: Floats, noise_std: float, rng: np.random.Generator) -> Floats:

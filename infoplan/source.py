@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.extent import Extent
+from infoplan.obstacles import NOWHERE, Obstacles
 from infoplan.samples import Batch, Samples
 
 Floats = NDArray[np.float64]
@@ -18,6 +19,8 @@ class Source(Protocol):
     ----------
     extent
         xmin, xmax, ymin, ymax of the workspace.
+    obstacles
+        Where the robot must not go.
     grid_truth
         Elevation at the nodes of the query grid, row-major, terrain's unit; NaN where unknown.
     grid_third
@@ -27,6 +30,7 @@ class Source(Protocol):
     """
 
     extent: Extent
+    obstacles: Obstacles
     grid_truth: Floats
     grid_third: NDArray[np.intp]
     is_steered: bool
@@ -60,6 +64,7 @@ class StoredSource:
     """
 
     is_steered = False
+    obstacles = NOWHERE  # nothing is planned
 
     def __init__(
         self, samples: Samples, extent: Extent, grid_truth: Floats, grid_third: NDArray[np.intp]

@@ -28,7 +28,7 @@ _WORD = re.compile(r"(?!(?:true|false|null|inf|nan)$)[a-z_][\w-]*", re.IGNORECAS
 """Text that Hydra itself reads as text."""
 
 
-FLOATS = {float, list[float], list[list[float]]}
+FLOATS = {float, list[float], list[list[float]], list[list[list[float]]]}
 
 OWN_OPTION = re.compile(r"\w+\.(options|params)(\.|$)")
 """How options of a user's own function, or of one of PyOD's classes, begin."""

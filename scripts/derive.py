@@ -44,7 +44,7 @@ def derived() -> Iterator[tuple[Path, str]]:
     page = ROOT / "docs" / "results.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
-    for name in ("faults.md", "robust_models.md"):
+    for name in ("faults.md", "planners.md", "robust_models.md"):
         page = ROOT / "docs" / name
         yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
     page = ROOT / "docs" / "kernels.md"

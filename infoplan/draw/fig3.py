@@ -25,6 +25,8 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
         smooth = style.show_map(right, mission.density, mission.extent, cmap=style.DENSITY)
         style.panel(right, "b", "smoothed")
         right.set_ylabel("")
+        for axes in (left, right):
+            style.show_obstacles(axes, mission.obstacles)
         style.colour_bar(raw, left, "count", whole=True)
         style.colour_bar(smooth, right, "count per node")
         numbers = mission.table[["x1", "x2"]].assign(

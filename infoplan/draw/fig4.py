@@ -29,6 +29,8 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
         style.panel(right, "b", "UCT-NONE, final")
         style.colour_bar(deviation, right, f"std. deviation ({unit})")
         right.set_ylabel("")
+        for axes in (left, right):
+            style.show_obstacles(axes, mission.obstacles)
         path = pilot[["x1", "x2", "truth"]].assign(panel="a")
         deviations = mission.table[["x1", "x2", "truth", "std"]].assign(panel="b")
         numbers = pd.concat([path, deviations])[["panel", "x1", "x2", "truth", "std"]]

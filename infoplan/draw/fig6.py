@@ -26,6 +26,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
         row = figure.subplots(1, 3, sharey=True)
         for axes, letter, (title, values) in zip(row, "abc", maps.items(), strict=True):
             image = style.show_relief(axes, values, first.extent, like=first.truth)
+            style.show_obstacles(axes, first.obstacles)
             style.panel(axes, letter, title)
             if axes is not row[0]:
                 axes.set_ylabel("")

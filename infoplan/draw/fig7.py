@@ -29,6 +29,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
             image = style.show_map(
                 axes, errors[method], mission.extent, cmap=style.ERROR, vmin=0.0, vmax=highest
             )
+            style.show_obstacles(axes, mission.obstacles)
             kept = mission.samples[mission.samples["used"].astype(bool)]
             # A white rim lets the dots be seen on black, their blue on white.
             axes.plot(kept["x1"], kept["x2"], "o", color="#0072B2", ms=1.7, mec="white", mew=0.25)

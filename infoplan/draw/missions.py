@@ -29,6 +29,8 @@ class MissionMaps:
         outlier density in samples. NaN where a value is infinite or beyond all measure.
     rmse
         Final root mean squared error, terrain's unit.
+    obstacles
+        Vertices of each no-go zone.
     """
 
     samples: pd.DataFrame
@@ -39,13 +41,15 @@ class MissionMaps:
     std: Floats
     density: Floats
     rmse: float
+    obstacles: list[list[list[float]]]
 
 
 def mission_maps(
     selection: Selection, method: str, rho: float, scope: str, seed: int
 ) -> MissionMaps:
     """Load the end of one mission of a method."""
-    one = selection.only([str(selection.run(method, rho, scope))], [seed])
+    run = str(selection.run(method, rho, scope))
+    one = selection.only([run], [seed])
     table = load_maps(one)
     truth, mean, std, density = (
         on_grid(table, name) for name in ("truth", "mean", "std", "outlier_density")
@@ -54,4 +58,5 @@ def mission_maps(
         rmse = float(np.sqrt(np.mean((mean - truth) ** 2)))
     truth, mean, std = (drawable(values, truth) for values in (truth, mean, std))
     extent = grid_of(table).extent
-    return MissionMaps(load_samples(one), table, extent, truth, mean, std, density, rmse)
+    obstacles = selection.options[run].get("terrain.obstacles", [])
+    return MissionMaps(load_samples(one), table, extent, truth, mean, std, density, rmse, obstacles)

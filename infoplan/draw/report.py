@@ -50,6 +50,9 @@ PLANNERS = {
     "puct": "PUCT weighs uncertain places against places where outliers were flagged",
     "weighted": "WEIGHTED plans by a weighted sum of both",
     "greedy": "GREEDY takes the best next action, one after the other",
+    "bayes_opt": "BAYES_OPT drives to the node of the largest reward",
+    "rig_tree": "RIG_TREE takes the best branch of a random tree of actions",
+    "cmaes": "CMAES moves waypoints until the track past them gathers most",
     "lawnmower": "LAWNMOWER covers the map in parallel tracks",
     "random": "RANDOM drives at random",
 }

@@ -246,15 +246,20 @@ def alarm_map(selection: Selection, panels: Sequence[Panel]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``image`` as a data URI, ``extent``; ``runs``: panel, method, number of missions, the
-        layers with their count and packed points, the split by relief.
+        ``image`` as a data URI, ``extent``; ``runs``: panel, method, obstacles, number of
+        missions, the layers with their count and packed points, the split by relief.
     """
     first = selection.missions.iloc[0]
     key = (first["run"], int(first["seed"]))
     maps = read_table(selection.results_dir, "maps", *key).to_pandas()
     extent = grid_of(maps).extent
     runs = [
-        {"panel": panel.title, "method": method} | _alarms_of(selection.only([run]), extent)
+        {
+            "panel": panel.title,
+            "method": method,
+            "obstacles": selection.options[run].get("terrain.obstacles", []),
+        }
+        | _alarms_of(selection.only([run]), extent)
         for panel in panels
         for method, run in panel.judging.items()
     ]

@@ -384,6 +384,11 @@
     function draw() {
       drawing.setAttribute("aria-label", `Map of ${run.panel}, ${run.method}`);
       layers.replaceChildren();
+      for (const polygon of run.obstacles) {
+        const points = polygon.map(([x, y]) =>
+          [((x - xmin) / (xmax - xmin)) * side, (1 - (y - ymin) / (ymax - ymin)) * tall].map((value) => value.toFixed(1)).join());
+        layers.append(svg("polygon", { class: "no-go", points: points.join(" ") }));
+      }
       const words = [];
       for (const layer of [...run.layers].reverse()) {
         const points = unpack(layer.points);

@@ -83,6 +83,7 @@ class Scene:
         # A long name must not run into the clock.
         headline.set_fontsize(min(HEADLINE, HEADLINE * ROOM / len(title)))
         self.clock = self._say(WIDTH - 14, "", ha="right")
+        self.obstacles = config.terrain.obstacles
         self._draw_path_panel()
         # Few nodes must not take the colours from all others.
         deviation = _range([state.maps.std for state in states], 0.02, 0.98)
@@ -139,6 +140,7 @@ class Scene:
     def _draw_path_panel(self) -> None:
         axes = self._axes(36, 186, 396, 396)
         style.show_relief(axes, self.truth, self.extent)
+        style.show_obstacles(axes, self.obstacles)
         axes.set(xlabel="", ylabel="")
         axes.set_title("ground truth, path and samples", loc="left")
         (self.path,) = axes.plot([], [], color="white", lw=0.8, alpha=0.75)
@@ -164,6 +166,7 @@ class Scene:
         left, bottom, side = 482 + 240 * column, 402 - 216 * row, 180
         axes = self._axes(left, bottom, side, side)
         image = style.show_map(axes, self.truth, self.extent, cmap=cmap, vmin=vmin, vmax=vmax)
+        style.show_obstacles(axes, self.obstacles)
         axes.set(xlabel="", ylabel="", xticks=[], yticks=[])
         axes.set_title(title, loc="left")
         bar = self.figure.colorbar(image, cax=self._axes(left + side + 6, bottom, 8, side))

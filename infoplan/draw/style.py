@@ -1,7 +1,7 @@
 """One look for all figures: sizes, fonts, colours, files."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -210,6 +210,24 @@ def show_relief(
     )
     frame_workspace(axes, extent)
     return ScalarMappable(Normalize(like.min(), like.max()), ELEVATION)
+
+
+def show_obstacles(axes: "Axes", polygons: Sequence[Sequence[Sequence[float]]]) -> None:
+    """Hatch no-go zones.
+
+    Parameters
+    ----------
+    axes
+        Of a map.
+    polygons
+        Vertices of each, workspace units.
+    """
+    from matplotlib.collections import PolyCollection
+
+    zones = PolyCollection([np.asarray(polygon, dtype=np.float64) for polygon in polygons])
+    # Over maps of any colour: white strokes on a dark veil. Rectangles of a mask join without rims.
+    zones.set(facecolor=(0, 0, 0, 0.45), edgecolor="white", linewidth=0, hatch="/////")
+    axes.add_collection(zones, autolim=False)
 
 
 def shaded(elevation: Floats, extent: Extent, like: Floats) -> Floats:

@@ -57,6 +57,10 @@ def terrain_summary(terrain: Terrain) -> str:
         ),
         "flat land": f"{100 * flat:.0f} % (local relief below {FLAT:.0%} of the whole)",
     }
+    if terrain.obstacles.polygons:
+        nodes = query_grid(terrain.extent, (SIDE, SIDE))
+        share = float(np.mean(terrain.obstacles.contain(nodes)))
+        facts["no-go"] = f"{100 * share:.3g} % of the workspace (terrain.obstacles)"
     if terrain.world is not None:
         west, east, south, north = (f"{bound:.10g}" for bound in terrain.world)
         facts["world"] = f"{west} to {east}, {south} to {north} {harmless(terrain.crs)}".rstrip()
@@ -83,6 +87,7 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
         drawing = style.new_figure(style.COLUMN, 2.9)
         axes = drawing.add_subplot()
         image = style.show_relief(axes, coarsened(terrain), terrain.extent)
+        style.show_obstacles(axes, [polygon.tolist() for polygon in terrain.obstacles.polygons])
         axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
         axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
         narrow = len(terrain.name) > 12 or terrain.world is not None

@@ -93,7 +93,7 @@ def _readable(
     if OWN_OPTION.match(name):
         # Hydra is to take options of which it has no list.
         name = f"++{name}"
-    if all_options().get(bare, {}).get("type") == list[list[float]]:
+    if all_options().get(bare, {}).get("type") in (list[list[float]], list[list[list[float]]]):
         # OmegaConf takes no whole number for a float there.
         value = re.sub(r"(?<![\w.])(\d+)(?![\w.])", r"\1.0", value)
     group, _, option = bare.partition(".options.")

@@ -7,11 +7,11 @@ import numpy as np
 from infoplan.model.inference.exact import ExactInference
 from infoplan.model.kernel import Kernel
 from infoplan.model.kernels import as_kernel
-from infoplan.model.regression import Regression
+from infoplan.model.regression import JointRegression
 from infoplan.model.theta import first_theta
 
 
-class GaussianProcess(Regression):
+class GaussianProcess(JointRegression):
     """Zero-mean Gaussian process with Gaussian noise.
 
     The pilot data are the first data of the model and fix the scalers: inputs go to [-1, 1] by

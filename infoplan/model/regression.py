@@ -45,6 +45,14 @@ class Inference(Protocol):
         ...
 
 
+class JointInference(Inference, Protocol):
+    """An inference that tells the joint distribution of what it predicts."""
+
+    def covariance(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Covariance of the latent function."""
+        ...
+
+
 class Regression:
     """A zero-mean Gaussian process, its data and its hyperparameters.
 
@@ -281,3 +289,25 @@ class Regression:
     def _noise_variance(self) -> float:
         """Variance of the observation noise, scaled units."""
         return self._noise_factor * noise_variance_of(self._theta)
+
+
+class JointRegression(Regression):
+    """A regression that knows how what it predicts at several positions goes together."""
+
+    _inference: JointInference
+
+    def covariance(self, x: np.ndarray) -> np.ndarray:
+        """Covariance of the latent function, given the data.
+
+        Parameters
+        ----------
+        x : array_like of shape (m, 2)
+            Query positions, workspace units.
+
+        Returns
+        -------
+        ndarray of shape (m, m)
+            In the unit of the measurements squared; its diagonal is the variance of `predict`.
+        """
+        scaled = self._scaler.inputs(np.asarray(x, float))
+        return self._scaler.y_std**2 * self._inference.covariance(self._theta, scaled)

@@ -11,11 +11,11 @@ import numpy as np
 from infoplan.model.inference.laplace import LaplaceInference
 from infoplan.model.kernel import Kernel
 from infoplan.model.kernels import as_kernel
-from infoplan.model.regression import Regression
+from infoplan.model.regression import JointRegression
 from infoplan.model.theta import first_theta
 
 
-class StudentTProcess(Regression):
+class StudentTProcess(JointRegression):
     """Zero-mean Gaussian process with Student-t noise, by the Laplace approximation.
 
     Used like `infoplan.model.GaussianProcess`, with the same scalers; the noise parameter is the

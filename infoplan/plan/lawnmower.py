@@ -22,7 +22,8 @@ def lawnmower(
 
     The tracks start in the lower left corner, which the car heads for from the end of the pilot
     path. It cannot drive them exactly: it takes the actions whose samples stay nearest to the path.
-    How far along the path it is follows from where it has been.
+    How far along the path it is follows from where it has been. The path leaves out what lies in
+    obstacles.
 
     Parameters
     ----------
@@ -44,6 +45,7 @@ def lawnmower(
     step, window = situation.speed, 2 * situation.samples_per_action
     start = situation.visited[situation.n_pilot - 1]
     path = coverage_path(start, situation.extent, spacing, step, 2.0 * step * situation.budget)
+    path = path[~situation.obstacles.contain(path)]
     progress = advance(path, 0, situation.visited[situation.n_pilot :], window)
     pose, plan = situation.pose, np.empty(0, dtype=np.int64)
     while len(plan) < actions:
@@ -173,7 +175,7 @@ def nearest_action(
             return
         for action in range(len(situation.steering)):
             poses = situation.drive([action], pose)
-            if situation.stays_inside(poses):
+            if situation.stays_inside(poses, pose):
                 off = poses[:, :2] - target[depth * length : (depth + 1) * length]
                 added = cost + float(np.sum(off**2))
                 search(poses[-1], depth + 1, added, action if first is None else first)

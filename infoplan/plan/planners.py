@@ -26,7 +26,7 @@ def uct(
     rollouts: int = 5,
     exploration: float = 0.3,
 ) -> Actions:
-    """Plan by tree search with the upper confidence bound; reward: the standard deviation.
+    """Plan by tree search with the upper confidence bound; reward: the planner's own.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def uct(
     ndarray of int64
         The most visited path of the tree.
     """
-    rewards = normalise(situation.std)[np.newaxis]
+    rewards = normalise(situation.reward_map)[np.newaxis]
     return _most_visited(situation, rng, rewards, iterations, rollouts, exploration)
 
 
@@ -52,11 +52,11 @@ def puct(
     rollouts: int = 5,
     exploration: float = 0.3,
 ) -> Actions:
-    """Plan by Pareto tree search (the paper's method); rewards: deviation, outlier density.
+    """Plan by Pareto tree search (the paper's method); rewards: its own, outlier density.
 
     Parameters and result as for `uct`.
     """
-    rewards = np.stack([normalise(situation.std), normalise(situation.outlier_density)])
+    rewards = np.stack([normalise(situation.reward_map), normalise(situation.outlier_density)])
     return _most_visited(situation, rng, rewards, iterations, rollouts, exploration)
 
 
@@ -76,7 +76,7 @@ def weighted(
     situation, rng, iterations, rollouts, exploration
         As for `uct`.
     weight
-        Of the outlier density, from 0 (`uct` itself) to 1; the deviation has the rest.
+        Of the outlier density, from 0 (`uct` itself) to 1; the other reward has the rest.
 
     Returns
     -------
@@ -84,15 +84,15 @@ def weighted(
         The most visited path of the tree.
     """
     density = normalise(situation.outlier_density)
-    rewards = (1.0 - weight) * normalise(situation.std) + weight * density
+    rewards = (1.0 - weight) * normalise(situation.reward_map) + weight * density
     return _most_visited(situation, rng, rewards[np.newaxis], iterations, rollouts, exploration)
 
 
 def greedy(situation: Situation, rng: np.random.Generator, *, actions: int = 6) -> Actions:
-    """Take the action of the largest summed deviation, then the best one from there, and so on.
+    """Take the action of the largest summed reward, then the best one from there, and so on.
 
     It looks one action ahead and no further. Like the tree search it counts a node as often as it
-    passes, and it sees the deviation as it is before the plan is driven.
+    passes, and it sees the reward as it is before the plan is driven.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def greedy(situation: Situation, rng: np.random.Generator, *, actions: int = 6) 
     """
 
     def best(pose: Floats, valid: list[int]) -> int:
-        gains = [situation.reward(situation.std, situation.drive([a], pose)) for a in valid]
+        gains = [situation.reward(situation.reward_map, situation.drive([a], pose)) for a in valid]
         return _pick([a for a, gain in zip(valid, gains, strict=True) if gain == max(gains)], rng)
 
     return _one_by_one(situation, actions, best)
@@ -142,6 +142,7 @@ def _most_visited(
         exploration=exploration,
         pareto=len(rewards) > 1,
         rng=rng,
+        obstacles=situation.obstacles,
     )
     return most_visited_actions(tree, rng)
 

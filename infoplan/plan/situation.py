@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.obstacles import NOWHERE, Obstacles, is_free
 from infoplan.plan.reward_maps import nearest_index
-from infoplan.robot import drive, inside
+from infoplan.robot import drive
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +24,11 @@ class Situation:
     std
         The model's standard deviation at the nodes of the query grid, shape (rows, cols), terrain's
         unit; row 0 at ymin, column 0 at xmin, the outer nodes on the borders.
+    mean
+        The model's mean there, shape (rows, cols), terrain's unit.
+    reward_map
+        What a sample there is worth, none negative, shape (rows, cols): what the planner's option
+        ``reward`` says; the deviation for planners without it.
     outlier_density
         Smoothed count of the flagged samples there, shape (rows, cols).
     extent
@@ -41,10 +47,14 @@ class Situation:
         Number of this decision, from 1.
     budget
         Samples of the whole mission.
+    obstacles
+        Where the robot must not go.
     """
 
     pose: Floats
     std: Floats
+    mean: Floats
+    reward_map: Floats
     outlier_density: Floats
     extent: tuple[float, float, float, float]
     speed: float
@@ -54,6 +64,7 @@ class Situation:
     n_pilot: int
     epoch: int
     budget: int
+    obstacles: Obstacles = NOWHERE
 
     def drive(
         self, actions: Sequence[int] | NDArray[np.integer], pose: Floats | None = None
@@ -62,16 +73,22 @@ class Situation:
         start = self.pose if pose is None else pose
         return drive(start, actions, self.steering, self.speed, self.samples_per_action)
 
-    def stays_inside(self, poses: Floats) -> bool:
-        """Tell whether all poses lie in the workspace or on its border."""
-        return all(inside(float(x), float(y), self.extent) for x, y, _ in poses)
+    def stays_inside(self, poses: Floats, pose: Floats | None = None) -> bool:
+        """Tell whether some poses, driven to from this pose or another, may all be reached.
+
+        They lie in the workspace or on its border, and no step between them touches an obstacle.
+        """
+        x, y = (self.pose if pose is None else pose)[:2]
+        track = np.ascontiguousarray(poses, dtype=np.float64)
+        xmin, xmax, ymin, ymax = map(float, self.extent)
+        return bool(is_free(track, x, y, (xmin, xmax, ymin, ymax), self.obstacles.walls))
 
     def valid_actions(self, pose: Floats | None = None) -> list[int]:
-        """Actions that stay in the workspace, from this pose or another."""
+        """Actions that stay in the workspace and off obstacles, from this pose or another."""
         return [
             action
             for action in range(len(self.steering))
-            if self.stays_inside(self.drive([action], pose))
+            if self.stays_inside(self.drive([action], pose), pose)
         ]
 
     def reward(self, reward_map: Floats, poses: Floats) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from infoplan.compiled import kernel
+from infoplan.obstacles import NOWHERE, Obstacles, Walls, crosses
 from infoplan.plan.pareto import mark_pareto_optimal
 from infoplan.plan.reward_maps import nearest_index
 from infoplan.robot import inside, step
@@ -36,7 +37,7 @@ class Tree(NamedTuple):
         The action that leads to the node, an index into the steering angles; -1 at the root.
     child : ndarray of int64, shape (n, A)
         The child of each action; -1 if the action is untried, -2 if it is struck because it
-        leaves the workspace.
+        leaves the workspace or touches an obstacle.
     visits : ndarray of int64, shape (n,)
         Iterations that passed through the node.
     reward : ndarray, shape (n, D)
@@ -65,6 +66,7 @@ class _Problem(NamedTuple):
     rollouts: int
     exploration: float
     pareto: bool
+    walls: Walls
 
 
 class _Scratch(NamedTuple):
@@ -95,6 +97,7 @@ def search(
     exploration: float,
     pareto: bool,
     rng: np.random.Generator,
+    obstacles: Obstacles = NOWHERE,
 ) -> Tree:
     """Grow a search tree from the robot's pose (paper's Pareto Monte Carlo tree search).
 
@@ -122,6 +125,8 @@ def search(
         Select by Pareto UCB (PUCT), else by UCB (UCT), which is for one objective.
     rng : numpy.random.Generator
         The planner's stream; it advances by one draw a choice.
+    obstacles : Obstacles
+        What no action may touch; the pose lies in none.
 
     Returns
     -------
@@ -149,6 +154,7 @@ def search(
         int(rollouts),
         float(exploration),
         bool(pareto),
+        obstacles.walls,
     )
     return _grow((x, y, theta), problem, int(iterations), rng)
 
@@ -374,8 +380,9 @@ def _drive_action(
     xmin, xmax, ymin, ymax = problem.extent
     gain[:] = 0.0
     for _ in range(problem.samples_per_action):
+        before_x, before_y = x, y
         x, y, theta = step(x, y, theta, u, problem.speed)
-        if not inside(x, y, problem.extent):
+        if not inside(x, y, problem.extent) or crosses(before_x, before_y, x, y, problem.walls):
             return (x, y, theta), False
         row = nearest_index(y, ymin, ymax, rows)
         col = nearest_index(x, xmin, xmax, cols)

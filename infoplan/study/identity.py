@@ -18,8 +18,10 @@ from infoplan.config import (
 )
 from infoplan.errors import RunError
 from infoplan.methods import complete, method_from_stored, stored_methods
+from infoplan.obstacles import obstacles_of
 from infoplan.options import check_options, walk
 from infoplan.own import fits, in_words, load, resolve_options
+from infoplan.simulator import pilot_path
 from infoplan.study.terms import as_meant, as_stored
 from infoplan.tables import MAX_ROWS
 from infoplan.terrain import Terrain
@@ -94,6 +96,8 @@ def resolve(config: MissionConfig, terrain: Terrain) -> MissionConfig:
     science = {item.name: getattr(config, item.name) for item in fields(MissionConfig)}
     resolved = complete(MissionConfig(**science))
     resolved.terrain = _resolve_terrain(config.terrain, terrain)
+    if terrain.obstacles.polygons:
+        pilot_path(config, terrain)  # refuses one that meets an obstacle
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
     return resolved
@@ -112,6 +116,8 @@ def _resolve_terrain(config: TerrainConfig, terrain: Terrain) -> TerrainConfig:
     resolved.name = terrain.name
     resolved.extent = list(terrain.extent)
     resolved.unit = terrain.unit
+    resolved.obstacles = [polygon.tolist() for polygon in terrain.obstacles.polygons]
+    resolved.obstacles_mask = None
     if isinstance(resolved, OwnTerrainConfig) and resolved.function is not None:
         resolved.options = resolve_options(load(resolved.function), resolved.options)
     return resolved
@@ -199,5 +205,6 @@ def _demand_ranges(config: MissionConfig) -> None:
     check_options(replace(terrain, name=terrain_kind(terrain.name)), "terrain.")
     # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
     validate(replace(config, terrain=replace(TerrainConfig(), extent=terrain.extent)))
+    obstacles_of(terrain.obstacles)
     if max(config.budget, math.prod(config.grid)) > MAX_ROWS:
         raise ValueError(f"budget and nodes of the grid must be at most {MAX_ROWS}")

@@ -11,6 +11,9 @@ ADDED_LATER = {
     "model.lengthscale_prior": None,
     "model.noise_prior": None,
     "model.restarts": 0,
+    "planner.reward": "std",
+    "planner.kappa": 2.0,
+    "terrain.obstacles": [],
 }
 """Options of groups that runs of earlier versions have not stored, and what they flew with.
 

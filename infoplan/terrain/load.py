@@ -22,8 +22,9 @@ from infoplan.config import (
     terrain_kind,
 )
 from infoplan.errors import RunError, UsageError
-from infoplan.extent import checked_extent
+from infoplan.extent import Extent, checked_extent
 from infoplan.files import user_path
+from infoplan.obstacles import Obstacles, obstacles_of, rectangles
 from infoplan.options import check_options, plain_number
 from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volcano
 from infoplan.terrain.grids import Ends, Floats, Grid
@@ -112,7 +113,8 @@ def load_terrain(name: str, **options: Any) -> Terrain:
         digest += json.dumps(source.changes, sort_keys=True)
         digest = hashlib.sha256(digest.encode()).hexdigest()
     crs = source.grid.crs if world else ""
-    return Terrain(source.name, elevation, extent, unit, digest, world, crs)
+    obstacles = _obstacles(config, extent)
+    return Terrain(source.name, elevation, extent, unit, digest, world, crs, obstacles)
 
 
 def available() -> dict[str, str]:
@@ -157,6 +159,20 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return list(value) if isinstance(value, tuple) else value
+
+
+def _obstacles(config: TerrainConfig, extent: Extent) -> Obstacles:
+    """No-go zones: the polygons, and what the mask marks."""
+    polygons = list(config.obstacles)
+    if config.obstacles_mask is not None:
+        try:
+            values = files.read_map(user_path(config.obstacles_mask), files.Wanted()).grid.elevation
+        except UsageError as error:  # which speaks of the option of other maps
+            said = str(error).replace("terrain.path=", "terrain.obstacles_mask=")
+            raise UsageError(said) from error
+        marked = np.isfinite(values) & (values != 0)
+        polygons += rectangles(marked, extent)
+    return obstacles_of(polygons)
 
 
 def _built_in(config: TerrainConfig) -> FoundMap:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from infoplan.extent import Extent, checked_extent
+from infoplan.obstacles import NOWHERE, Obstacles
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ class Terrain:
         West, east, south and north of the outermost nodes, in `crs`; None without a place there.
     crs
         The coordinate system of `world`, in words; empty where it is not known.
+    obstacles
+        Where the robot must not go.
 
     Raises
     ------
@@ -49,6 +52,7 @@ class Terrain:
     sha256: str
     world: Extent | None = None
     crs: str = ""
+    obstacles: Obstacles = NOWHERE
 
     def __post_init__(self) -> None:
         elevation = np.array(self.elevation, dtype=np.float64, order="C")

@@ -13,7 +13,7 @@ from command import SMALL, infoplan
 from infoplan.cli import main
 
 BAD = {
-    "planner=foo": "there is no planner 'foo': planner= takes greedy, lawnmower,",
+    "planner=foo": "there is no planner 'foo': planner= takes bayes_opt, cmaes, greedy,",
     "detector=copodd": "did you mean 'copod'",
     "rho=abc": "rho must be a number",
     "rho=-0.1": "at least 0 and at most 1",

@@ -30,6 +30,22 @@ MISSIONS = {
     "uct-best-first-action": ["planner=uct", "detector=best", "planner.execute_actions=1"],
     "weighted-copod": ["planner=weighted", "detector=copod"],
     "greedy-local": ["planner=greedy", "detector=local"],
+    "uct-mutual-information": [
+        "planner=uct", "detector=none", "planner.reward=mutual_information",
+    ],
+    "puct-variance-reduction": [
+        "planner=puct", "detector=copod", "planner.reward=variance_reduction",
+    ],
+    "greedy-ucb": ["planner=greedy", "detector=none", "planner.reward=ucb", "planner.kappa=1"],
+    "uct-obstacles": [
+        "planner=uct", "detector=none", "terrain.obstacles=[[[22,27],[36,27],[36,34],[22,34]]]",
+    ],
+    "bayes-opt": ["planner=bayes_opt", "detector=none", "planner.distance_penalty=5"],
+    "rig-tree-obstacles": [
+        "planner=rig_tree", "detector=none", "planner.samples=60",
+        "terrain.obstacles=[[[22,27],[36,27],[36,34],[22,34]]]",
+    ],
+    "cmaes": ["planner=cmaes", "detector=none", "planner.evaluations=60"],
     "lawnmower-gp-residual": ["planner=lawnmower", "detector=gp_residual"],
     "random-gp-residual-historical": [
         "planner=random", "detector=gp_residual", "detector.scope=historical",

@@ -4,47 +4,16 @@ import itertools
 
 import numpy as np
 import pytest
+from plan_scenes import EXTENT, poses_of, situation
 from scipy import stats
 
-from infoplan.plan import PLANNERS, Situation, normalise
+from infoplan.plan import PLANNERS, normalise
 from infoplan.plan.lawnmower import advance, coverage_path, nearest_action
-from infoplan.robot import steering_angles, turn_on_the_spot
-
-EXTENT = (0.0, 50.0, -10.0, 30.0)
-
-
-def situation(pose=(20.0, 5.0, 0.3), seed=0, **changes):
-    rng = np.random.default_rng(seed)
-    fields = {
-        "pose": np.array(pose),
-        "std": rng.uniform(1, 5, (15, 20)),
-        "outlier_density": rng.uniform(0, 2, (15, 20)),
-        "extent": EXTENT,
-        "speed": 0.7,
-        "samples_per_action": 10,
-        "steering": steering_angles(0.15, 5),
-        "visited": np.array([[25.0, 10.0], pose[:2]]),
-        "n_pilot": 2,
-        "epoch": 1,
-        "budget": 500,
-    }
-    return Situation(**(fields | changes))
+from infoplan.robot import turn_on_the_spot
 
 
 def rng(seed=0):
     return np.random.default_rng(seed)
-
-
-def poses_of(scene, actions):
-    """Drive with plain arithmetic, in a list of (x, y)."""
-    x, y, heading = scene.pose
-    poses = []
-    for action in actions:
-        for _ in range(scene.samples_per_action):
-            x, y = x + scene.speed * np.cos(heading), y + scene.speed * np.sin(heading)
-            heading += scene.steering[action]
-            poses.append((x, y))
-    return np.array(poses)
 
 
 def is_inside(scene, actions):
@@ -101,6 +70,16 @@ def test_valid_actions_are_those_that_stay_inside():
     for pose in POSES:
         scene = situation(pose)
         assert scene.valid_actions() == [a for a in range(5) if is_inside(scene, [a])]
+
+
+@pytest.mark.parametrize("name", ["uct", "puct", "weighted", "greedy"])
+def test_planners_gather_the_reward_and_not_the_deviation(name):
+    worth = np.random.default_rng(5).uniform(0, 1, (15, 20))
+    found, expected, other = (
+        PLANNERS[name](scene, rng(2)).tolist()
+        for scene in (situation(reward_map=worth), situation(std=worth), situation())
+    )
+    assert found == expected != other
 
 
 def test_weighted_with_all_weight_on_one_reward_is_uct_on_it():

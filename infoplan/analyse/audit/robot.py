@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from infoplan.analyse.audit.stored import ROUNDING, FaultError, Floats, StoredMission, demand
+from infoplan.wording import counted
 
 
 def check_pilot(mission: StoredMission) -> str:
@@ -121,22 +122,25 @@ def check_spot_turns(mission: StoredMission) -> str:
 
 
 def _is_blocked(mission: StoredMission, sample: int, heading: float) -> bool:
-    """Tell whether every action from a sample's position leaves the workspace."""
+    """Tell whether no action from a sample's position stays inside and off obstacles."""
     speed = float(mission.option("robot.speed"))
     xmin, xmax, ymin, ymax = mission.extent
-    inset = mission.length_tolerance
+    inset, obstacles = mission.length_tolerance, _obstacles(mission)
     for u in _steering(mission):
         angles = heading + u * np.arange(int(mission.option("robot.samples_per_action")))
         x = mission.x[sample, 0] + np.cumsum(speed * np.cos(angles))
         y = mission.x[sample, 1] + np.cumsum(speed * np.sin(angles))
         in_x = (x >= xmin + inset) & (x <= xmax - inset)
-        if np.all(in_x & (y >= ymin + inset) & (y <= ymax - inset)):
+        track = np.vstack([mission.x[sample], np.column_stack([x, y])])
+        if np.all(in_x & (y >= ymin + inset) & (y <= ymax - inset)) and not any(
+            _meet(track, obstacle) for obstacle in obstacles
+        ):
             return False
     return True
 
 
 def check_workspace(mission: StoredMission) -> str:
-    """Check that no sample lies outside the workspace, and headings are in [0, 2 pi)."""
+    """Check that samples lie in the workspace and off obstacles, headings in [0, 2 pi)."""
     xmin, xmax, ymin, ymax = mission.extent
     low, high = np.array([xmin, ymin]), np.array([xmax, ymax])
     outside = np.maximum(low - mission.x, mission.x - high).max(axis=1)
@@ -149,7 +153,37 @@ def check_workspace(mission: StoredMission) -> str:
         (heading >= 0.0) & (heading < 2.0 * np.pi),
         lambda i: f"{mission.place(i)} has the heading {heading[i]:.6g}, not in [0, 2 pi)",
     )
-    return f"{len(heading)} samples in [{xmin:g}, {xmax:g}] x [{ymin:g}, {ymax:g}]"
+    inside = f"{len(heading)} samples in [{xmin:g}, {xmax:g}] x [{ymin:g}, {ymax:g}]"
+    return inside + _check_obstacles(mission)
+
+
+def _check_obstacles(mission: StoredMission) -> str:
+    """Check that no step, the pilot's included, enters an obstacle."""
+    obstacles = _obstacles(mission)
+    for obstacle in obstacles:
+        if not _meet(mission.x, obstacle):
+            continue
+        for i in range(len(mission.x) - 1):
+            if _meet(mission.x[i : i + 2], obstacle):
+                raise FaultError(f"{mission.place(i + 1)} is in an obstacle, or behind one")
+    return f", off {counted(len(obstacles), 'obstacle')}" if obstacles else ""
+
+
+def _obstacles(mission: StoredMission) -> list[Any]:
+    """Polygons of the no-go zones, as matplotlib's paths."""
+    from matplotlib.path import Path
+
+    polygons = mission.option("terrain.obstacles")
+    return [Path(np.array([*polygon, polygon[0]]), closed=True) for polygon in polygons]
+
+
+def _meet(track: Floats, obstacle: Any) -> bool:
+    """Tell whether a track enters an obstacle."""
+    from matplotlib.path import Path
+
+    # As filled, a track that drives around an obstacle would meet it.
+    entered = Path(track).intersects_path(obstacle, filled=False)
+    return bool(entered or obstacle.contains_point(track[0]))
 
 
 def _steering(mission: StoredMission) -> Floats:

@@ -158,6 +158,36 @@ class ExactInference:
         floor = variance * float(np.finfo(self._buffer.dtype).eps)
         return means, np.maximum(variances, floor)
 
+    def covariance(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Covariance of the latent function given the data (Rasmussen & Williams, eq. 2.24).
+
+        Parameters
+        ----------
+        theta : ndarray of shape (k,)
+            Log hyperparameters.
+        x : ndarray of shape (2, m)
+            Scaled query inputs.
+
+        Returns
+        -------
+        ndarray of shape (m, m)
+            In scaled units; the diagonal is the variance of `predict`.
+        """
+        variance, constants, _ = parameters_of(self._kernel, theta)
+        x = np.ascontiguousarray(x)
+        covariance = np.empty((x.shape[1], x.shape[1]), dtype=self._buffer.dtype)
+        self._passes.fill_cross(x, x, constants, variance, covariance)
+        if self.n_data:
+            self._factorise(theta)
+            cross = np.empty((x.shape[1], self.n_data), dtype=self._buffer.dtype)
+            self._passes.fill_cross(x, self._x, constants, variance, cross)
+            solved = self._tfsm(1.0, self._packed(), cross.T, uplo="L", overwrite_b=1).T
+            covariance -= solved @ solved.T
+        nodes = np.diag_indices_from(covariance)
+        floor = variance * float(np.finfo(self._buffer.dtype).eps)
+        covariance[nodes] = np.maximum(covariance[nodes], floor)
+        return covariance.astype(float, copy=False)
+
     def weights_and_inverse(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solve for the weights of the data, and invert their covariance.
 

@@ -206,6 +206,38 @@ class LaplaceInference:
         floor = variance * float(np.finfo(float).eps)
         return means, np.maximum(variances, floor)
 
+    def covariance(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Covariance of the latent function under the approximate posterior.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (k,)
+            Log hyperparameters.
+        x : ndarray of shape (2, m)
+            Scaled query inputs.
+
+        Returns
+        -------
+        ndarray of shape (m, m)
+            In scaled units; the diagonal is the variance of `predict`.
+        """
+        variance, constants, _ = parameters_of(self._kernel, theta)
+        x = np.ascontiguousarray(x)
+        covariance = np.empty((x.shape[1], x.shape[1]))
+        self._passes.fill_cross(x, x, constants, variance, covariance)
+        if self.n_data:
+            curved = self._find(theta).curved
+            cross = np.empty((x.shape[1], self.n_data))
+            self._passes.fill_cross(x, self._x, constants, variance, cross)
+            solved = solve_triangular(
+                curved.factor, curved.root[:, None] * cross.T, lower=True, check_finite=False
+            )
+            left = cross[:, curved.others].T - curved.half.T @ solved
+            covariance -= solved.T @ solved + left.T @ (curved.update @ left)
+        nodes = np.diag_indices_from(covariance)
+        covariance[nodes] = np.maximum(covariance[nodes], variance * float(np.finfo(float).eps))
+        return covariance
+
     def _find(self, theta: np.ndarray) -> _Mode:
         """Return the mode under some hyperparameters, found already or not."""
         if self._mode is None or self._theta is None or not np.array_equal(theta, self._theta):
