@@ -75,12 +75,45 @@ class Maps:
 
 
 @dataclass(frozen=True)
+class StretchScore:
+    """How well a stretch of a survey's track is predicted without its samples, after an epoch.
+
+    Errors are root mean squares over the samples of the stretch that are in the model, terrain's
+    unit; NaN where there is none, or none elsewhere.
+
+    Attributes
+    ----------
+    epoch, stretch
+        Which; stretches are counted from 0 along the track.
+    samples
+        How many of its samples are in the model.
+    rmse
+        Predicted from the samples of the other stretches that are in the model.
+    rmse_unfiltered
+        Likewise, from those that were flagged, too.
+    loo_rmse
+        Each predicted from all others in the model, the same stretch among them.
+    """
+
+    epoch: int
+    stretch: int
+    samples: int
+    rmse: float
+    rmse_unfiltered: float
+    loo_rmse: float
+
+
+@dataclass(frozen=True)
 class State:
-    """A mission after an epoch: its row of the curve, all samples as judged now, the maps."""
+    """A mission after an epoch: its row of the curve, all samples as judged now, the maps.
+
+    Of a survey `stretches` score it instead of the truth.
+    """
 
     row: CurveRow
     samples: Samples
     maps: Maps
+    stretches: tuple[StretchScore, ...] = ()
 
 
 def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:

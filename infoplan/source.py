@@ -54,12 +54,14 @@ class StoredSource:
         All of them.
     extent, grid_truth
         As of `Source`.
+    labelled
+        Whether anybody knows which samples are outliers.
     """
 
     is_steered = False
 
-    def __init__(self, samples: Samples, extent: Extent, grid_truth: Floats):
-        self.samples = samples
+    def __init__(self, samples: Samples, extent: Extent, grid_truth: Floats, labelled: bool = True):
+        self.samples, self.labelled = samples, labelled
         self.extent = extent
         self.grid_truth = grid_truth
 
@@ -70,4 +72,5 @@ class StoredSource:
     def sample(self, epoch: int, trajectory: Floats | None) -> Batch:
         """Give the samples of an epoch."""
         part = self.samples[self.samples.epoch == epoch]
-        return Batch(part.x, part.heading, part.measured, part.is_outlier, part.truth)
+        labels = part.is_outlier if self.labelled else None
+        return Batch(part.x, part.heading, part.measured, labels, part.truth)

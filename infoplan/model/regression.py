@@ -155,6 +155,10 @@ class Regression:
             self._inference.lml_and_gradient, self._theta, iterations, self._bounds
         )
 
+    def adopt(self, other: "Regression") -> None:
+        """Take the hyperparameters of another model of this kind; data and scalers stay."""
+        self._theta = other._theta.copy()
+
     def predict(self, x: np.ndarray, *, noisy: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Predictive mean and standard deviation.
 

@@ -85,6 +85,11 @@ learning_rate, dtype
         super().optimize(iterations)
         self._inference.settle(self._theta)
 
+    def adopt(self, other: Regression) -> None:
+        """Take the hyperparameters of another one, then let the neighbours follow."""
+        super().adopt(other)
+        self._inference.settle(self._theta)
+
     def weights_and_inverse(
         self, x: np.ndarray, y: np.ndarray, chosen: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
