@@ -261,6 +261,8 @@ class Mapping(click.ParamType):
 @setting("unit", Text(), "of the values; as the log says if left out")
 @setting("batch", Text(), "judge so many samples at a time, or seconds as in 30s; at once if "
          "left out")  # fmt: skip
+@setting("check", Number(min=0, max=0.5, min_open=True), "compare all detectors: so large a share "
+         "of the samples of a copy become known spikes")  # fmt: skip
 def survey(
     log: Path | None,
     results_dir: Path,
@@ -268,6 +270,7 @@ def survey(
     crs: str | None,
     unit: str | None,
     batch: str | None,
+    check: float | None,
     overrides: list[str],
 ) -> int:
     """Map a survey."""
@@ -278,7 +281,7 @@ def survey(
             "infoplan survey takes the log of a survey: name the file, like infoplan survey "
             "track.csv"
         )
-    return survey(results_dir, log, columns, crs, unit, batch, overrides)
+    return survey(results_dir, log, columns, crs, unit, batch, check, overrides)
 
 
 @infoplan.command(

@@ -836,7 +836,9 @@ if TYPE_CHECKING:
     ):  # fmt: skip
         """Options of all detectors."""
 
-    class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
+    class AnyTerrain(  # type: ignore[misc]
+        HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig, SurveyedConfig
+    ):
         """Options of all terrains."""
 
     class AnyModel(VecchiaConfig, StudentTConfig, OwnModelConfig):

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from infoplan.belief import LEAST, Belief
 from infoplan.methods import find
-from infoplan.samples import Readings
 from infoplan.scoring import StretchScore
 from infoplan.threads import one_thread
 
@@ -41,8 +40,7 @@ def cross_validate(belief: Belief) -> tuple[StretchScore, ...]:
     """
     readings, kept = belief.readings, ~belief.flagged
     told = ~np.isnan(readings.measured)
-    n = len(readings)
-    stretch = np.arange(n) * STRETCHES // n
+    x, y, stretch = readings.x, readings.measured, stretches_of(len(readings))
     with one_thread():
         model = _second_model(belief)
         left_out = _left_out(belief, kept)
@@ -50,13 +48,13 @@ def cross_validate(belief: Belief) -> tuple[StretchScore, ...]:
         for number in range(STRETCHES):
             here = kept & (stretch == number)
             errors = [
-                _errors(model, readings, source & (stretch != number), here)
+                predicted_errors(model, x, y, source & (stretch != number), here)
                 for source in (kept, told)
             ]
             means = [_root_mean_square(found) for found in (*errors, left_out[here])]
             scores.append(StretchScore(belief.epoch, number, int(here.sum()), *means))
         if model is belief.model:
-            model.replace(readings.x[kept], readings.measured[kept])
+            model.replace(x[kept], y[kept])
     return tuple(scores)
 
 
@@ -72,14 +70,30 @@ def _second_model(belief: Belief) -> Any:
     return model
 
 
-def _errors(
-    model: Any, readings: Readings, source: NDArray[np.bool_], asked: NDArray[np.bool_]
-) -> Floats:
-    """Errors of predictions at some samples from others, which the model then holds.
+def stretches_of(n: int) -> NDArray[np.int64]:
+    """Cut a track of n samples into stretches, counted from 0, shape (n,)."""
+    return np.arange(n) * STRETCHES // n
 
-    Empty where there are too few.
+
+def predicted_errors(
+    model: Any, x: Floats, y: Floats, source: NDArray[np.bool_], asked: NDArray[np.bool_]
+) -> Floats:
+    """Give the errors of predictions at some samples from others, which the model then holds.
+
+    Parameters
+    ----------
+    model
+        Fitted; its hyperparameters stay.
+    x, y
+        All samples, shapes (n, 2) and (n,).
+    source, asked
+        From which, and at which, shape (n,).
+
+    Returns
+    -------
+    ndarray
+        One error a sample that is asked; empty where there are too few to predict from.
     """
-    x, y = readings.x, readings.measured
     if source.sum() < LEAST or not asked.any():
         return np.empty(0)
     model.replace(x[source], y[source])

@@ -2,17 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
+from infoplan.analyse.detector_check import check_detectors
 from infoplan.analyse.relief import on_grid
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener
-from infoplan.draw.survey_table import print_survey
+from infoplan.draw.survey_table import print_check, print_survey
 from infoplan.hydra_front.compose import compose
 from infoplan.hydra_front.reconfigure import SURVEY, names_opened, reconfigure
 from infoplan.study.store import read_table
 from infoplan.study.study import Study
-from infoplan.study.surveys import SEED, survey_config, survey_study
+from infoplan.study.surveys import SEED, survey_config, survey_samples, survey_study
 from infoplan.survey import SurveyLog, read_log
 from infoplan.survey.clean import write_clean
 from infoplan.survey.geotiff import write_geotiff
@@ -25,6 +25,7 @@ def survey(
     crs: str | None,
     unit: str | None,
     batch: str | None,
+    check: float | None,
     overrides: Sequence[str],
 ) -> int:
     """Run ``infoplan survey``.
@@ -37,6 +38,8 @@ def survey(
         As of `read_log`.
     batch
         As of `infoplan.study.surveys.batches`.
+    check
+        As the share of `check_detectors`; None: no check.
     overrides
         As of `reconfigure`.
 
@@ -64,6 +67,9 @@ def survey(
     if study.failed:
         return 1
     print_survey(study, console, _written(study, log))
+    if check is not None:
+        checked = check_detectors(survey_samples(log, config), config, check)
+        print_check(checked, log.unit, console)
     return 0
 
 
@@ -79,7 +85,7 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
         folder / "clean.csv", log, samples["score"].to_numpy(), samples["flagged"].to_numpy(),
         run.science["detector"],
     )  # fmt: skip
-    place: Any = run.config.terrain
+    place = run.config.terrain
     bands = {
         "mean": (on_grid(maps, "mean"), log.unit),
         "deviation": (on_grid(maps, "std"), log.unit),

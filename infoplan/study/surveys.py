@@ -146,9 +146,7 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
 
 def survey_samples(log: SurveyLog, config: MissionConfig) -> Samples:
     """Give the samples of a log as a mission's, positions from the workspace's origin on."""
-    place = config.terrain
-    assert isinstance(place, SurveyedConfig)
-    n = len(log)
+    place, n = config.terrain, len(log)
     return Samples(
         epoch=batches(log, place.batch),
         x=log.x - np.array(place.origin),
@@ -202,7 +200,7 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
         raise UsageError(
             "detector=best needs the true labels, which nobody has of a survey: use another"
         )
-    if config.detector.scope == "batch" and config.terrain.batch is None:  # type: ignore[attr-defined]
+    if config.detector.scope == "batch" and config.terrain.batch is None:
         raise UsageError(
             "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
             "leave it out and all are judged"

@@ -136,7 +136,7 @@ def test_every_command_takes_it_and_says_where_there_is_no_truth(done, capsys):
     assert main(["report", f"run={run}", *there]) == 0
     page = (folder / "results" / "report.html").read_text()
     assert "Cross-validated RMSE" in page
-    assert "the claims need the truth" in page
+    assert "claims need the truth, and nobody knows the truth of a survey" in page
     assert main(["animate", run, *there]) == 0
     assert (folder / "results" / "figures" / f"{run}-seed0.gif").stat().st_size > 10_000
     capsys.readouterr()
