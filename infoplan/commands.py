@@ -537,7 +537,7 @@ def list_terrains() -> int:
 @RESULTS
 def show_terrain(results_dir: Path, overrides: list[str]) -> int:
     """Show a map."""
-    from infoplan.draw.terrain_map import describe, draw_terrain
+    from infoplan.draw.terrain_map import draw_terrain, terrain_summary
     from infoplan.hydra_front.compose import compose
     from infoplan.terrain import load_terrain
 
@@ -549,7 +549,7 @@ def show_terrain(results_dir: Path, overrides: list[str]) -> int:
         loaded = load_terrain(**options)
     for warning in caught:
         print(f"WARNING: {warning.message}", file=sys.stderr)
-    print(describe(loaded))
+    print(terrain_summary(loaded))
     print(f"drawn to {draw_terrain(loaded, results_dir / 'figures')}")
     return EXIT_OK
 

@@ -23,6 +23,9 @@ def encoding_of(content: bytes, what: str, advice: str) -> str:
     UsageError
         If it is no text, or a damaged one.
     """
+    # Its mark begins with that of UTF-16.
+    if content.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
+        raise UsageError(f"{what} is a text in UTF-32: save it as UTF-8")
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         if not _decodes(content, "utf-16"):
             raise UsageError(f"{what} is a damaged text in UTF-16: save it as UTF-8")

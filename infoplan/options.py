@@ -102,12 +102,12 @@ def check_options(config: object, prefix: str = "") -> None:
         _check_option(name, value, metadata)
 
 
-def describe(metadata: dict[str, Any]) -> str:
+def requirement(metadata: dict[str, Any]) -> str:
     """Say what values an option takes and what it is, from the metadata that `walk` yields."""
-    return f"{allowed(metadata)} ({metadata['doc']})"
+    return f"{allowed_values(metadata)} ({metadata['doc']})"
 
 
-def allowed(metadata: dict[str, Any]) -> str:
+def allowed_values(metadata: dict[str, Any]) -> str:
     """Say what values an option takes, from the metadata that `walk` yields."""
     kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
     words = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
@@ -144,7 +144,7 @@ def _check_option(name: str, value: Any, metadata: dict[str, Any]) -> None:
         if abs(number) > LARGEST_INTEGER and isinstance(number, int):
             raise UsageError(f"{name}={value} is too large: a whole number has at most 18 digits")
     if not fits(value, metadata["type"]):
-        raise UsageError(f"{name}={value} is not possible: {name} must be {describe(metadata)}")
+        raise UsageError(f"{name}={value} is not possible: {name} must be {requirement(metadata)}")
     if value is None:
         return
     if choices and isinstance(value, list):

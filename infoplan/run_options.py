@@ -23,7 +23,7 @@ from infoplan.config import (
     MissionConfig,
 )
 from infoplan.errors import UsageError
-from infoplan.options import allowed, walk
+from infoplan.options import allowed_values, walk
 from infoplan.text_options import decimal, typed_text
 
 OF_OWN = re.compile(r"(planner|detector|model|fault|terrain)\.(options|params)\.\w")
@@ -54,7 +54,7 @@ class Value(click.ParamType):
 
     def __init__(self, name: str, metadata: dict[str, Any]):
         self.kind = str(getattr(metadata["type"], "__name__", metadata["type"]))
-        self.words = allowed({**metadata, "unit": ""})
+        self.words = allowed_values({**metadata, "unit": ""})
         self.choices = metadata["choices"] or (("true", "false") if self.kind == "bool" else ())
         self.listed = self.kind.startswith("list") and bool(metadata["choices"])
         self.path = name in PATHS

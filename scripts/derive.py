@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from infoplan.config import METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
-from infoplan.options import allowed
+from infoplan.options import allowed_values
 from infoplan.tables import TABLES
 
 ROOT = Path(__file__).parents[1]
@@ -54,7 +54,7 @@ def _options_table(found: re.Match[str]) -> str:
     for item in fields(schema):
         if item.name != "name":
             metadata = {"type": item.type, **item.metadata}
-            doc = f"{metadata['doc']}: {allowed(metadata)}"
+            doc = f"{metadata['doc']}: {allowed_values(metadata)}"
             text += f"| `{group}.{item.name}` | `{_value(getattr(schema, item.name))}` | {doc} |\n"
     return f"{begin}\n{text}\n{end}"
 

@@ -1,4 +1,4 @@
-"""The paper's claims C1 to C12 against the stored results."""
+"""The paper's claims against the stored results."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -76,7 +76,7 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
         From `infoplan.analyse.find_study`: the runs compared differ in planner, detector, scope and
         rho alone.
     names
-        Which claims: C1 to C12 if not given.
+        Which claims; all if not given.
 
     Returns
     -------

@@ -61,8 +61,14 @@ DETECTORS = {
     "copod": "COPOD drops what its detector flags",
     "gp_residual": "GP_RESIDUAL drops what lies far from the model",
     "local": "LOCAL drops what lies far from its neighbours",
+    "hampel": "HAMPEL drops what lies far from the running median along the track",
+    "qartod": "QARTOD drops what fails the tests of real-time ocean data",
 }
-"""What the built-in planners and detectors do, as parts of the methods' names."""
+MODELS = {
+    "student_t": "STUDENT_T models the noise with heavy tails",
+    "vecchia": "VECCHIA predicts from the nearest samples",
+}
+"""What the built-in planners, detectors and models do, as parts of the methods' names."""
 
 
 def write_report(selection: Selection) -> Path:
@@ -248,8 +254,8 @@ def _method_words(selection: Selection) -> str:
         told += [f"{name.upper()} drops what that class of PyOD flags" for name in sorted(there)
                  if name.startswith("pyod_")]  # fmt: skip
         sentences += [f"{'; '.join(told)}."] if told else []
-    if any(flat["model.name"] == "student_t" for flat in selection.options.values()):
-        sentences.append("STUDENT_T models the noise with heavy tails.")
+    models = {flat["model.name"] for flat in selection.options.values()}
+    sentences += [f"{told}." for name, told in MODELS.items() if name in models]
     return " ".join(sentences)
 
 

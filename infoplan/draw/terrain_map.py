@@ -29,7 +29,7 @@ DENSITY = 10
 """Local relief is taken from at most so many rows and columns a workspace unit."""
 
 
-def describe(terrain: Terrain) -> str:
+def terrain_summary(terrain: Terrain) -> str:
     """Describe a terrain: size, unit, elevations, relief, share of flat land.
 
     Relief is highest less lowest elevation, over the whole map and within 2 workspace units of a

@@ -55,6 +55,8 @@ def compose(overrides: Sequence[str]) -> Config:
 def register() -> None:
     """Register the schemas with Hydra, in this process only; the names are infoplan's alone."""
     store = ConfigStore.instance()
+    if "infoplan_base.yaml" in store.repo:
+        return  # it outlives a composition, unless another application empties it
     for group, choices in GROUPS.items():
         for name, schema in choices.items():
             store.store(group=f"infoplan_schema/{group}", name=name, node=schema)

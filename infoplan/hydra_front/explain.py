@@ -19,7 +19,7 @@ from omegaconf.errors import (
 from infoplan.config import GROUPS
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front.known_options import all_options, no_option
-from infoplan.options import describe
+from infoplan.options import requirement
 from infoplan.wording import suggest
 
 
@@ -104,12 +104,12 @@ def _wrong_type(error: Any) -> str:
     value = f"={'null' if error.value is None else error.value}"
     if name != option or not isinstance(error, ValidationError):
         value = ""  # it is a part's, or not told
-    return f"{option}{value} is not possible: {option} must be {describe(known[option])}"
+    return f"{option}{value} is not possible: {option} must be {requirement(known[option])}"
 
 
 def _wrong_value(name: str, value: str) -> str:
     if metadata := all_options().get(name):
-        return f"{name}={value} is not possible: {name} must be {describe(metadata)}"
+        return f"{name}={value} is not possible: {name} must be {requirement(metadata)}"
     return f"{name}={value} is not possible"
 
 

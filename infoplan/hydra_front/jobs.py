@@ -13,7 +13,7 @@ from infoplan.config import Config
 from infoplan.errors import RunError, UsageError
 from infoplan.hydra_front.compose import Composer, check_texts, to_config
 from infoplan.hydra_front.explain import explained
-from infoplan.hydra_front.overrides import expand
+from infoplan.hydra_front.overrides import sweep_jobs
 from infoplan.hydra_front.trials import Score
 from infoplan.study.limits import check_sweep
 
@@ -118,7 +118,7 @@ def _expanded(
 ) -> list[list[DictConfig]]:
     """Give the configurations that each job stands for: itself, or those of its ``sweep``."""
     lines = [
-        expand(config.sweep, job) if config.sweep else []
+        sweep_jobs(config.sweep, job) if config.sweep else []
         for config, job in zip(composed, overrides, strict=True)
     ]
     check_sweep(sum(map(len, lines)))

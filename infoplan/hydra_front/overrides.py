@@ -15,7 +15,7 @@ from hydra.errors import HydraException
 from infoplan.config import GROUPS
 from infoplan.errors import UsageError
 from infoplan.hydra_front.known_options import all_options
-from infoplan.options import describe
+from infoplan.options import requirement
 from infoplan.own import load, text_parameters
 from infoplan.study.limits import check_sweep, sweep_fits
 from infoplan.text_options import (
@@ -62,7 +62,7 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
         except (HydraException, RecursionError) as error:
             metadata = all_options().get(key(typed))
             remedy = (
-                f"{key(typed)} must be {describe(metadata)}"
+                f"{key(typed)} must be {requirement(metadata)}"
                 if metadata
                 else "write option=value; a value with other than letters, digits and ./-_+ goes "
                 "into quotes, \"option='...'\""
@@ -170,7 +170,7 @@ def _own_texts(overrides: Sequence[str]) -> dict[str, set[str]]:
     return found
 
 
-def expand(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
+def sweep_jobs(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
     """Expand the command lines of ``sweep`` to the overrides of single jobs.
 
     Parameters

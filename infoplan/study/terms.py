@@ -6,7 +6,7 @@ from typing import Any
 from infoplan.config import METHODS
 
 ADDED_LATER = {"model.kernel": "squared_exponential"}
-"""Options of methods that runs of earlier versions have not stored, and what they flew with.
+"""Options of groups that runs of earlier versions have not stored, and what they flew with.
 
 With this value they are not stored today either, so that the run keeps its name.
 """
@@ -33,7 +33,7 @@ def as_stored(meant: Mapping[str, Any]) -> dict[str, Any]:
             science["outliers" if first else "fault"] = options
     for name, value in ADDED_LATER.items():
         group, option = name.split(".")
-        if science[group].get(option) == value:
+        if science.get(group, {}).get(option) == value:
             del science[group][option]
     return science
 
@@ -56,6 +56,6 @@ def as_meant(science: Mapping[str, Any]) -> dict[str, Any]:
         meant["fault"] = {"name": FIRST_FAULT, **meant.pop("outliers")}
     for name, value in ADDED_LATER.items():
         group, option = name.split(".")
-        if hasattr(METHODS[group].get(meant[group]["name"]), option):
+        if group not in METHODS or hasattr(METHODS[group].get(meant[group]["name"]), option):
             meant[group] = {option: value, **meant[group]}
     return meant

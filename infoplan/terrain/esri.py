@@ -106,8 +106,10 @@ def read_asc(
 
 def _as_bytes(stream: BinaryIO, what: str) -> BinaryIO:
     """Return the text in an encoding whose digits are ASCII."""
-    start = stream.read(2)
-    if start not in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+    start = stream.read(4)
+    if start in (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE):
+        raise UsageError(f"{what} is a text in UTF-32: save it as UTF-8")
+    if not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return stream
     stream.seek(0)
     content = stream.read(MAX_TEXT + 1)

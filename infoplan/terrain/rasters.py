@@ -133,6 +133,11 @@ def _check_dataset(dataset: Any, size: int, what: str) -> None:
         raise UsageError(f"{what} has {dataset.count} bands: a map has one, so extract it first")
     if np.dtype(dataset.dtypes[0]).kind not in "iuf":
         raise UsageError(f"{what} is of type {dataset.dtypes[0]}: elevations must be real numbers")
+    if dataset.colorinterp[0].name == "palette":
+        raise UsageError(
+            f"{what} is a picture: its numbers stand for colours, not elevations, so get the "
+            "elevations it was drawn from"
+        )
     if dataset.height * dataset.width * BYTES_A_NODE.get(dataset.driver, 0) > size:
         raise UsageError(
             f"{what} is cut short: it announces {dataset.height} x {dataset.width} nodes and has "

@@ -120,6 +120,30 @@ def test_neighbours_of_a_history_that_is_not_stored_are_passed_over(small, volca
     assert "what the model held before" in findings["final model"].omitted
 
 
+@pytest.mark.parametrize("scope", ["batch", "historical"])
+def test_neighbours_are_repeated_where_some_samples_tell_nothing(small, volcano, tmp_path, scope):
+    name = store(
+        small, volcano, tmp_path, model=("vecchia", NEAR), fault=("dropout", {}),
+        detector=("gp_residual", {"threshold": 2.0, "scope": scope}),
+    )  # fmt: skip
+    findings = audit_mission(tmp_path, name, 2)
+    assert [finding.check for finding in findings if not finding.holds] == []
+    [scores] = [finding for finding in findings if finding.check == "scores"]
+    assert scores.omitted == ""
+    touch(tmp_path, "samples", name, "score", lambda score: score * 1.001)
+    assert failing(tmp_path, name) == {"scores"}
+
+
+def test_a_detector_that_the_audit_does_not_know_is_passed_over(
+    small, volcano, tmp_path, monkeypatch
+):
+    name = store(small, volcano, tmp_path, detector=("local", {"threshold": 2.0}))
+    monkeypatch.setattr("infoplan.analyse.audit.detector.REPEATED", ("none", "best"))
+    findings = {finding.check: finding for finding in audit_mission(tmp_path, name, 2)}
+    assert all(finding.holds for finding in findings.values())
+    assert findings["scores"].omitted == "the scores: the audit does not know detector=local"
+
+
 def test_what_cannot_be_repeated_is_passed_over(small, volcano, tmp_path):
     name = store(
         small, volcano, tmp_path,

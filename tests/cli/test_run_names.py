@@ -75,7 +75,9 @@ def test_nothing_is_stored(tmp_path):
 
 @pytest.mark.parametrize("form", ["positional", "named"])
 @pytest.mark.parametrize("name", ["whole", "hash", "digits", "beginning"])
-@pytest.mark.parametrize("command", ["show", "audit", "status", "replay"])
+@pytest.mark.parametrize(
+    "command", ["show", "status", "replay", pytest.param("audit", marks=pytest.mark.long)]
+)
 def test_every_command_takes_every_name(command, name, form, folder, tmp_path, capfd):
     run = next(run for run in stored_runs(folder) if run.startswith("puct"))
     end = run.rpartition("-")[2]

@@ -10,8 +10,9 @@ import numpy as np
 
 from infoplan.config import METHODS
 
-PLANNERS = ("uct", "puct", "weighted", "greedy", "lawnmower", "random")
-DETECTORS = ("none", "best", "copod", "pyod_ecod", "gp_residual", "local")
+PLANNERS = tuple(name for name in METHODS["planner"] if name != "own")
+DETECTORS = tuple("pyod_ecod" if name == "pyod" else name for name in METHODS["detector"]
+                  if name != "own")  # fmt: skip
 PAIRS = tuple(product(PLANNERS, DETECTORS))
 """Every built-in planner with every built-in detector."""
 

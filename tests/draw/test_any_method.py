@@ -4,8 +4,10 @@ import hashlib
 import json
 import re
 import sys
+from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import made_methods
 import numpy as np
@@ -57,13 +59,26 @@ def everything(tmp_path_factory) -> Path:
     return folder
 
 
+CORNERS = {("uct", "none"), ("puct", "pyod_ecod"), ("random", "local")}
+
+
 def expected() -> set[str]:
     return {name_of(*pair) for pair in made_methods.PAIRS} | {
         label for label in OTHER if not label.startswith("REPLAY")
     }
 
 
-@pytest.mark.parametrize(("planner", "detector"), made_methods.PAIRS)
+def pairs(quick: Callable[[str, str], bool]) -> list[Any]:
+    """All pairs, of which some are tried with the long tests only."""
+    return [
+        pair if quick(*pair) else pytest.param(*pair, marks=pytest.mark.long)
+        for pair in made_methods.PAIRS
+    ]
+
+
+@pytest.mark.parametrize(
+    ("planner", "detector"), pairs(lambda planner, detector: planner == "uct" or detector == "none")
+)
 def test_any_pair_alone_has_a_report_and_curves(planner, detector, tmp_path):
     made_methods.store(tmp_path, planner, detector)
     method = name_of(planner, detector)
@@ -121,7 +136,7 @@ def test_other_shares_of_outliers_get_panels_of_their_own(tmp_path):
 
 @pytest.mark.parametrize(
     ("planner", "detector"),
-    [pair for pair in made_methods.PAIRS if "uct" in pair or "local" in pair],
+    pairs(lambda planner, detector: (planner, detector) in CORNERS),
 )
 def test_any_pair_can_be_animated(planner, detector, tmp_path):
     made_methods.store(tmp_path, planner, detector)

@@ -30,7 +30,7 @@ from infoplan.study.study import Study
 
 WIDTHS = (40, 60, 80, 100, 120, 200)
 SLOW = ("run", "dry-run", "replay", "audit")
-"""Commands that are tried at three widths only."""
+"""Commands that are tried at two widths only, as long ones in a terminal, too."""
 
 UNIT = "<script>\x1b[31m[/red]`|"
 RUN = [
@@ -95,7 +95,7 @@ def test_at_every_width_lines_fit_and_numbers_stay_whole(folder, command, capfd,
     if command in ("run", "dry-run", "status"):  # what was swept has a column
         assert "planner.exploration" in full.split()
         assert {"0.3", "0.7"} <= set(full.split())
-    for width in WIDTHS[::2] if command in SLOW else WIDTHS:
+    for width in (40, 80) if command in SLOW else WIDTHS:
         monkeypatch.setenv("COLUMNS", str(width))
         narrow = said()
         assert not too_long(narrow, width)
@@ -107,7 +107,10 @@ def test_at_every_width_lines_fit_and_numbers_stay_whole(folder, command, capfd,
         assert missing <= {word for word in missing if "└" in word or word == "200"}
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(name, marks=pytest.mark.long) if name in SLOW[1:] else name for name in COMMANDS],
+)
 def test_in_a_terminal(folder, command):
     shown = in_terminal(60, line(command, folder))
     plain = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", shown).replace("\r", "")
@@ -145,7 +148,7 @@ def in_terminal(width: int, arguments: list[str], **environment: str) -> str:
     return shown.getvalue().decode()
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+@pytest.mark.parametrize("encoding", ["ascii", pytest.param("latin-1", marks=pytest.mark.long)])
 @pytest.mark.parametrize("command", ["run", "status", "claims", "show", "leaderboard"])
 def test_poor_encodings_get_plain_characters(folder, command, encoding, monkeypatch):
     raw = io.BytesIO()

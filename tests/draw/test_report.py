@@ -16,6 +16,8 @@ from scipy import stats
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.tables import Selection, find_missions, find_study
 from infoplan.cli import main
+from infoplan.config import METHODS as BUILT_IN
+from infoplan.draw import report as report_module
 from infoplan.draw.report import interval_text, period_text, render, seeds_text, write_report
 from infoplan.draw.report_data import MAP_POINTS, packed, panels_of, pooled_ratio
 from infoplan.errors import RunError
@@ -336,3 +338,13 @@ def test_a_page_that_cannot_be_written_is_one_sentence(study, tmp_path):
     (results / "report.html").mkdir()
     with pytest.raises(RunError, match=r"report\.html could not be written"):
         write_report(replace(study, results_dir=results))
+
+
+def test_every_built_in_method_has_its_sentence():
+    told = {
+        "planner": report_module.PLANNERS,
+        "detector": report_module.DETECTORS,
+        "model": report_module.MODELS,
+    }
+    for group, words in told.items():
+        assert {*BUILT_IN[group]} - {"own", "pyod", "gp"} == {*words}

@@ -11,12 +11,12 @@ from matplotlib.text import Text
 
 from infoplan.analyse import local_relief
 from infoplan.draw import style, terrain_map
-from infoplan.draw.terrain_map import describe, draw_terrain
+from infoplan.draw.terrain_map import draw_terrain, terrain_summary
 from infoplan.terrain import Terrain
 
 
 def described(terrain: Terrain) -> dict[str, str]:
-    return {line[:10].strip(): line[11:] for line in describe(terrain).splitlines()}
+    return {line[:10].strip(): line[11:] for line in terrain_summary(terrain).splitlines()}
 
 
 def test_description_of_a_terrain_with_known_numbers():
@@ -122,7 +122,7 @@ def test_digits_fit_the_map(elevation, told):
 )  # fmt: skip
 def test_a_unit_is_nothing_but_a_word(unit, tmp_path):
     terrain = Terrain("t", Z, (0.0, 50.0, 0.0, 50.0), unit, "0" * 64, (0, 1, 0, 1), unit)
-    lines = describe(terrain).splitlines()
+    lines = terrain_summary(terrain).splitlines()
     assert len(lines) == len(described(terrain)) == 9
     assert all(line.isprintable() for line in lines)
     drawn = []

@@ -40,7 +40,12 @@ def test_a_study_outlives_its_output(redirections, reason, backend, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "redirections", ["2>/dev/full", "<&- >&- 2>&-", pytest.param("2>&-", marks=pytest.mark.long)]
+    "redirections",
+    [
+        "<&- >&- 2>&-",
+        pytest.param("2>/dev/full", marks=pytest.mark.long),
+        pytest.param("2>&-", marks=pytest.mark.long),
+    ],
 )
 def test_a_study_needs_no_standard_error(redirections, tmp_path):
     done = run(tmp_path, redirections, "seeds=1", "n_jobs=1")

@@ -21,7 +21,7 @@ from infoplan.errors import UsageError
 from infoplan.hydra_front.compose import Composer
 from infoplan.hydra_front.explain import explain
 from infoplan.hydra_front.front import compose_and
-from infoplan.hydra_front.overrides import expand
+from infoplan.hydra_front.overrides import sweep_jobs
 from infoplan.study.identity import identify
 from infoplan.study.runner import merge_runs
 from infoplan.study.terms import as_meant
@@ -292,9 +292,9 @@ def test_expand_multiplies_each_line_alone():
     jobs: list[list[str]] = []
 
     def act(configs):
-        jobs.extend(expand(["a=1,2 b=x", "c=\"'p, q'\" ++d=3"], ["b=y"]))
+        jobs.extend(sweep_jobs(["a=1,2 b=x", "c=\"'p, q'\" ++d=3"], ["b=y"]))
         with pytest.raises(UsageError, match="cannot be read"):
-            expand(["a=1,"], [])
+            sweep_jobs(["a=1,"], [])
         return 0, [0.0]
 
     compose_and(act, [])

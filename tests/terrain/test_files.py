@@ -1,5 +1,6 @@
 """Maps in NumPy's files and in texts: what is read, and what is refused in which words."""
 
+import codecs
 import hashlib
 import os
 import struct
@@ -427,6 +428,14 @@ class TestText:
         np.testing.assert_array_equal(load_terrain("file", path=path).elevation, [[1, 2], [3, 4.5]])
         path.write_bytes("# Höhe\n1;2\n3;4°\n".encode(encoding))
         assert "line 3, column 3: '4°'" in refusal(path)
+
+    @pytest.mark.parametrize("encoding", ["utf-32", "utf-32-le", "utf-32-be"])
+    @pytest.mark.parametrize("name", ["map.csv", "map.asc"])
+    def test_utf_32_is_named(self, name, encoding, tmp_path):
+        path = tmp_path / name
+        marks = {"utf-32-le": codecs.BOM_UTF32_LE, "utf-32-be": codecs.BOM_UTF32_BE}
+        path.write_bytes(marks.get(encoding, b"") + "1;2\n3;4\n".encode(encoding))
+        assert "is a text in UTF-32: save it as UTF-8" in refusal(path)
 
     def test_what_numpy_writes_with_a_heading_is_read(self, tmp_path):
         path = tmp_path / "map.txt"

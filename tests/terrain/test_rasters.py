@@ -442,6 +442,16 @@ class TestBadFiles:
         assert "has 3 bands" in refusal(path)
         assert "must be real" in refusal(write(tmp_path / "map.tif", MAP.astype(np.complex64)))
 
+    def test_a_picture_is_no_map(self, tmp_path):
+        path = tmp_path / "map.tif"
+        with rasterio.open(
+            path, "w", driver="GTiff", height=3, width=4, count=1, dtype="uint8", crs=UTM,
+            transform=NORTH_UP, photometric="palette",
+        ) as out:  # fmt: skip
+            out.write(MAP[:3, :4].astype(np.uint8)[None])
+            out.write_colormap(1, {0: (255, 0, 0, 255), 200: (0, 0, 255, 255)})
+        assert "numbers stand for colours, not elevations" in refusal(path)
+
     @pytest.mark.parametrize(("name", "driver"), FORMATS)
     @settings(
         max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

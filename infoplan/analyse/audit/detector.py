@@ -32,6 +32,9 @@ from infoplan.wording import spans
 LARGEST_PARAMETER = 100_000
 """Numbers in the parameters of a detector of PyOD above which it is not repeated."""
 
+REPEATED = ("none", "best", "copod", "local", "hampel", "qartod", "gp_residual")
+"""Detectors that `_judge` knows, those of PyOD besides."""
+
 LARGEST_FILTER = 1e10
 """Multiplications for smoothing the outlier matrix above which it is not repeated."""
 
@@ -75,6 +78,8 @@ def _unrepeatable(mission: StoredMission) -> str:
     name = str(mission.option("detector.name"))
     if mission.is_own("detector"):
         return "the detector is the user's own"
+    if name not in REPEATED and not name.startswith("pyod_"):
+        return f"the audit does not know detector={name}"
     if name == "gp_residual" and mission.is_own("model"):
         return "the detector asks the model, which is the user's own"
     if name.startswith("pyod_") and not _is_tame(mission):
