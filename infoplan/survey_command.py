@@ -7,6 +7,7 @@ from infoplan.analyse.detector_check import check_detectors
 from infoplan.analyse.relief import on_grid
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener
+from infoplan.draw.survey_picture import draw_survey
 from infoplan.draw.survey_table import print_check, print_survey
 from infoplan.hydra_front.compose import compose
 from infoplan.hydra_front.reconfigure import SURVEY, names_opened, reconfigure
@@ -92,4 +93,9 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
         "outlier density": (on_grid(maps, "outlier_density"), "flagged samples"),
     }
     tiff = write_geotiff(folder / "map.tif", bands, place.extent, place.origin, log.crs)
-    return [f"{clean}: all rows, with score, flagged and why", tiff]
+    picture = draw_survey(samples, maps, folder, log.name, log.unit)[0]
+    return [
+        f"{clean}: all rows, with score, flagged and why",
+        tiff,
+        f"{picture}: track, flags, mean, deviation",
+    ]

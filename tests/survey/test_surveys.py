@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from survey_logs import QUICK, SPIKES, write_log
@@ -208,6 +209,21 @@ def test_the_map_lies_where_the_log_lies(done):
             assert off[2] < 0.1
     for band, name in zip(bands, ("mean", "std", "outlier_density"), strict=True):
         assert band[::-1].ravel() == pytest.approx(maps[name].to_numpy(), rel=1e-6)
+
+
+def test_the_picture_shows_track_and_flags(done):
+    folder, run = done
+    picture = folder / "results" / "surveys" / run / "picture"
+    drawn = pd.read_csv(picture.with_suffix(".csv"))
+    samples = table(folder, "samples", run)[list(drawn.columns)]
+    pd.testing.assert_frame_equal(drawn, samples, rtol=1e-9)
+    with Image.open(picture.with_suffix(".png")) as image:
+        width, height = image.size
+        colours = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
+    assert width > height
+    # Crosses of the flagged samples, in a colour that no map has.
+    crosses = (np.abs(colours - np.array([213, 94, 0])).max(axis=1) < 4).sum()
+    assert 50 < crosses < 0.01 * len(colours)
 
 
 @pytest.mark.parametrize(
