@@ -272,3 +272,10 @@ def test_options_that_do_not_fit(log, options, sentence):
     with pytest.raises(UsageError) as refused:
         log(PLAIN, **options)
     assert sentence in str(refused.value)
+
+
+def test_the_plainer_name_is_taken(log):
+    rows = [(*row, 99.0) for row in ROWS]
+    assert log(table("lat,lon,Depth_in_Feet,probe depth", rows)).value == pytest.approx(DEPTH)
+    rows = [(*row[:2], 99.0, row[2]) for row in ROWS]
+    assert log(table("lat,lon,probe depth,depth (ft)", rows)).value == pytest.approx(DEPTH)
