@@ -233,7 +233,8 @@ class Mission:
 
     def _state(self) -> State:
         belief, collected = self._started()
-        return assess(belief, collected, self._simulator.grid_truth)
+        truth, third = self._simulator.grid_truth, self._simulator.grid_third
+        return assess(belief, collected, truth, third)
 
     def _started(self) -> tuple[Belief, Batch]:
         """Return what was learned and told, or refuse what comes before the start."""

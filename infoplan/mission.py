@@ -51,7 +51,7 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
 
 def _assess(config: MissionConfig, belief: Belief, collected: Batch, source: Source) -> State:
     """Compare a belief with the truth, or where nobody knows it with its own samples."""
-    state = assess(belief, collected, source.grid_truth)
+    state = assess(belief, collected, source.grid_truth, source.grid_third)
     if not is_survey(config.terrain.name):
         return state
     return replace(state, stretches=cross_validate(belief))

@@ -12,6 +12,13 @@ from infoplan.belief import Belief, number_of
 from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.samples import Batch, Samples
+from infoplan.scores import (
+    by_third,
+    continuous_ranked_probability,
+    path_length,
+    standardised_log_loss,
+    standardised_square,
+)
 from infoplan.tables import TABLES
 
 Floats = NDArray[np.float64]
@@ -48,6 +55,13 @@ class CurveRow:
     fit_seconds: float
     predict_seconds: float
     detect_seconds: float
+    crps: float
+    smse: float
+    msll: float
+    rmse_flat: float
+    rmse_middle: float
+    rmse_rugged: float
+    path_length: float
     further: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
 
@@ -116,7 +130,9 @@ class State:
     stretches: tuple[StretchScore, ...] = ()
 
 
-def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
+def assess(
+    belief: Belief, collected: Batch, grid_truth: Floats, grid_third: NDArray[np.intp]
+) -> State:
     """Compare a belief with the truth.
 
     Parameters
@@ -127,6 +143,8 @@ def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
         All samples that it was taught, with what their source knows of them.
     grid_truth
         Elevation at the nodes of the query grid, shape (n,); NaN where nobody knows it.
+    grid_third
+        Third of the grid by relief that each node is in, shape (n,).
 
     Raises
     ------
@@ -149,7 +167,7 @@ def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
         epoch=belief.epoch,
         collected=belief.collected,
         accepted=int(np.sum(~belief.flagged)),
-        **_errors(belief, grid_truth),
+        **_errors(belief, collected.measured[~belief.flagged], grid_truth, grid_third),
         **count_confusion(samples[belief.judged]),
         amplitude=number_of(learned, "amplitude"),
         lengthscale_1=number_of(learned, "lengthscale_1"),
@@ -161,6 +179,7 @@ def assess(belief: Belief, collected: Batch, grid_truth: Floats) -> State:
         fit_seconds=belief.seconds["fit"],
         predict_seconds=belief.seconds["predict"],
         detect_seconds=belief.seconds["detect"],
+        path_length=path_length(collected.x),
         further=_further(learned),
     )
     density = belief.outlier_density().ravel()
@@ -186,19 +205,26 @@ def _further(learned: Any) -> dict[str, float]:
             if name not in known and isinstance(value, float)}  # fmt: skip
 
 
-def _errors(belief: Belief, truth: Floats) -> dict[str, Any]:
-    """Compare the prediction with the truth."""
+def _errors(
+    belief: Belief, measured: Floats, truth: Floats, third: NDArray[np.intp]
+) -> dict[str, Any]:
+    """Compare the prediction, which comes from these measurements, with the truth."""
     mean, std = belief.mean, belief.std
     with np.errstate(over="ignore", invalid="ignore"):
         error = mean - truth
         standardised = error / std
         log_density = -0.5 * standardised**2 - np.log(std) - 0.5 * np.log(2 * np.pi)
         inside = np.where(np.isnan(error), np.nan, np.abs(standardised) <= 1.959964)
+        nlpd = float(-np.mean(log_density))
         errors = {
             "rmse": float(np.sqrt(np.mean(error**2))),
             "mae": float(np.mean(np.abs(error))),
-            "nlpd": float(-np.mean(log_density)),
+            "nlpd": nlpd,
             "coverage95": float(np.mean(inside)),
+            "crps": float(np.mean(continuous_ranked_probability(mean, std, truth))),
+            "smse": standardised_square(error, truth),
+            "msll": standardised_log_loss(nlpd, truth, measured),
+            **by_third(error, third),
         }
     if overflown := [name for name, value in errors.items() if np.isinf(value)]:
         raise RunError(

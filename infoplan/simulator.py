@@ -14,6 +14,7 @@ from infoplan.randomness import generator
 from infoplan.robot import bezier_path
 from infoplan.samples import Batch
 from infoplan.terrain import Terrain
+from infoplan.terrain.relief import local_relief, thirds
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +44,8 @@ class Simulator:
         rows, columns = config.grid
         x, y = query_grid(terrain.extent, (rows, columns)).T
         self.grid_truth = terrain.elevation_at(x, y)
+        relief = local_relief(self.grid_truth.reshape(rows, columns), terrain.extent)
+        self.grid_third = thirds(relief).ravel()
         self._sensor_rng = generator(seed, "sensor")
         self._fault = find("fault", config.fault)
         self._fault_state: Any = None

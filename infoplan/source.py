@@ -20,12 +20,15 @@ class Source(Protocol):
         xmin, xmax, ymin, ymax of the workspace.
     grid_truth
         Elevation at the nodes of the query grid, row-major, terrain's unit; NaN where unknown.
+    grid_third
+        Third of the grid by relief that each of them is in (`infoplan.terrain.relief.thirds`).
     is_steered
         Whether it goes where it is told; else it gives the next batch that there is.
     """
 
     extent: Extent
     grid_truth: Floats
+    grid_third: NDArray[np.intp]
     is_steered: bool
 
     def pilot(self) -> Batch:
@@ -52,7 +55,7 @@ class StoredSource:
     ----------
     samples
         All of them.
-    extent, grid_truth
+    extent, grid_truth, grid_third
         As of `Source`.
     labelled
         Whether anybody knows which samples are outliers.
@@ -60,10 +63,18 @@ class StoredSource:
 
     is_steered = False
 
-    def __init__(self, samples: Samples, extent: Extent, grid_truth: Floats, labelled: bool = True):
+    def __init__(
+        self,
+        samples: Samples,
+        extent: Extent,
+        grid_truth: Floats,
+        grid_third: NDArray[np.intp],
+        labelled: bool = True,
+    ):
         self.samples, self.labelled = samples, labelled
         self.extent = extent
         self.grid_truth = grid_truth
+        self.grid_third = grid_third
 
     def pilot(self) -> Batch:
         """Give the samples of the pilot."""

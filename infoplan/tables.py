@@ -169,6 +169,20 @@ TABLES: dict[str, Table] = {
         Column("predict_seconds", "double", "time of predicting the query grid", SECONDS,
                at_least=0),
         Column("detect_seconds", "double", "time of judging samples", SECONDS, at_least=0),
+        Column("crps", "double", "mean continuous ranked probability score of the truth, latent "
+               "mean and std", ELEVATION, at_least=0, since="0.2.0", of_truth=True),
+        Column("smse", "double", "mean square error over the variance of the truth; flat: NaN",
+               at_least=0, gaps=True, since="0.2.0", of_truth=True),
+        Column("msll", "double", "nlpd less that of the mean and variance of the samples in the "
+               "model; all equal: NaN", gaps=True, since="0.2.0", of_truth=True),
+        Column("rmse_flat", "double", "rmse in the third of the nodes with the least local relief",
+               ELEVATION, at_least=0, since="0.2.0", of_truth=True),
+        Column("rmse_middle", "double", "likewise in the middle third", ELEVATION, at_least=0,
+               since="0.2.0", of_truth=True),
+        Column("rmse_rugged", "double", "likewise in the third with the most", ELEVATION,
+               at_least=0, since="0.2.0", of_truth=True),
+        Column("path_length", "double", "way from sample to sample so far, the pilot's included",
+               LENGTH, at_least=0, since="0.2.0"),
     ),
     "samples": _table(
         "a sample, in order of collection",

@@ -1,6 +1,7 @@
 """The mission loop, through its records."""
 
 import copy
+import math
 import warnings
 from dataclasses import replace
 from itertools import pairwise
@@ -106,6 +107,15 @@ def test_epoch_scores_follow_their_definitions(copod, volcano):
     assert row.nlpd == pytest.approx(-np.mean(norm.logpdf(truth, mean, std)))
     inside = (truth >= norm.ppf(0.025, mean, std)) & (truth <= norm.ppf(0.975, mean, std))
     assert row.coverage95 == pytest.approx(np.mean(inside))
+    assert row.smse == pytest.approx(np.mean((mean - truth) ** 2) / np.var(truth))
+    held = mission.samples.measured[~mission.samples.flagged]
+    trivial = -np.mean(norm.logpdf(truth, held.mean(), held.std()))
+    assert row.msll == pytest.approx(row.nlpd - trivial)
+    x = mission.samples.x
+    assert row.path_length == pytest.approx(sum(map(math.dist, x, x[1:])))
+    assert rows[0].path_length < row.path_length
+    squares = np.square([row.rmse_flat, row.rmse_middle, row.rmse_rugged])
+    assert np.mean((mean - truth) ** 2) == pytest.approx(squares.mean(), rel=0.05)
 
 
 @pytest.mark.parametrize("planner", [name for name in METHODS["planner"] if name != "own"])

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from infoplan.analyse.calibration import calibration_curve
     from infoplan.analyse.claims import METHODS, judge_claims
     from infoplan.analyse.curves import (
         area_under_curve,
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     )
     from infoplan.analyse.detection import detector_quality, rejudge, roc_auc
     from infoplan.analyse.judging import Claim, Comparison, Stated
-    from infoplan.analyse.relief import by_relief, local_relief
+    from infoplan.analyse.relief import by_relief
     from infoplan.analyse.statistics import (
         Interval,
         PairedDifference,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
+    "calibration": ("calibration_curve",),
     "claims": ("METHODS", "judge_claims"),
     "curves": (
         "area_under_curve",
@@ -86,6 +88,7 @@ __all__ = [
     "bootstrap_band",
     "bootstrap_mean",
     "by_relief",
+    "calibration_curve",
     "compare",
     "detector_quality",
     "find_missions",

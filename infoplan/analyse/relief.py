@@ -6,13 +6,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from infoplan.terrain.relief import CLASSES, local_relief, thirds
+
 Floats = NDArray[np.float64]
-
-RADIUS = 2.0
-"""Radius around a node in which its local relief is taken, workspace units."""
-
-CLASSES = ("flat", "middle", "rugged")
-"""The thirds of the query grid by local relief."""
 
 
 class QueryGrid(NamedTuple):
@@ -32,43 +28,6 @@ def grid_of(maps: pd.DataFrame) -> QueryGrid:
 def on_grid(maps: pd.DataFrame, column: str) -> Floats:
     """Return a column of one mission's map table as an array, row 0 at the lowest y."""
     return maps[column].to_numpy(dtype=float).reshape(grid_of(maps).shape)
-
-
-def local_relief(
-    elevation: Floats, extent: tuple[float, float, float, float], radius: float = RADIUS
-) -> Floats:
-    """Highest less lowest elevation among the nodes within a radius of each node.
-
-    On a grid whose nodes lie further apart than the radius, its spacing takes the radius' place.
-
-    Parameters
-    ----------
-    elevation
-        Shape (rows, columns), the outer nodes on the borders of the extent.
-    extent
-        xmin, xmax, ymin, ymax, workspace units.
-    radius
-        Workspace units.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        The elevation's unit.
-    """
-    from scipy.ndimage import maximum_filter, minimum_filter
-
-    rows, columns = elevation.shape
-    dy, dx = (extent[3] - extent[2]) / (rows - 1), (extent[1] - extent[0]) / (columns - 1)
-    radius = max(radius, dx, dy)
-    # No further than the grid reaches, however small its workspace.
-    down, right = (
-        min(int(radius / step + 1e-9), nodes - 1) for step, nodes in ((dy, rows), (dx, columns))
-    )
-    i, j = np.mgrid[-down : down + 1, -right : right + 1]
-    disc = np.hypot(i * dy, j * dx) <= radius * (1 + 1e-9)
-    # Beyond the border the nearest node is repeated, which the disc holds already.
-    highest = maximum_filter(elevation, footprint=disc, mode="nearest")
-    return highest - minimum_filter(elevation, footprint=disc, mode="nearest")
 
 
 def relief_at(samples: pd.DataFrame, maps: pd.DataFrame) -> Floats:
@@ -113,9 +72,7 @@ def by_relief(samples: pd.DataFrame, maps: pd.DataFrame) -> pd.DataFrame:
     """
     truth, mean = on_grid(maps, "truth"), on_grid(maps, "mean")
     relief = local_relief(truth, grid_of(maps).extent)
-    # By rank, so that the thirds are equal even where much land is equally flat.
-    rank = np.argsort(np.argsort(relief.ravel(), kind="stable")).reshape(relief.shape)
-    third = rank * len(CLASSES) // relief.size
+    third = thirds(relief)
     judged = samples[(samples["epoch"] > 0) & ~samples["is_outlier"].astype(bool)]
     third_of_sample = third[nearest_nodes(judged, grid_of(maps))]
     flagged = judged["flagged"].to_numpy(dtype=bool)

@@ -6,6 +6,7 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
+from infoplan.analyse.calibration import calibration_curve
 from infoplan.analyse.configurations import changed_options, option_text
 from infoplan.analyse.curves import missions, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
@@ -21,6 +22,9 @@ from infoplan.wording import counted, figure, interval
 
 PARTS = ("plan", "fit", "predict", "detect")
 """Parts of an epoch that are timed."""
+
+SHOWN_LEVELS = (0.5, 0.8, 0.95)
+"""Levels of the calibration curve that are printed."""
 
 MARGIN = 18
 """Where what was measured begins, after its name."""
@@ -49,6 +53,8 @@ def show(selection: Selection, console: Console) -> None:
     _print_fields(_survey(selection) if surveyed else _numbers(curves, selection), console)
     console.print()
     if not surveyed:
+        _print_fields(_further_scores(curves, selection), console)
+        console.print()
         _print_fields(_relief(selection), console)
         console.print()
     _print_fields(_time(curves), console)
@@ -116,6 +122,25 @@ def _survey(selection: Selection) -> dict[str, str]:
         "scores": scores,
         "without filter": filtered,
     }
+
+
+def _further_scores(curves: pd.DataFrame, selection: Selection) -> dict[str, str]:
+    """Scores of the last epoch, means over seeds, as far as they are stored."""
+    final = curves.groupby("seed").last().mean(numeric_only=True)
+    scores = {"CRPS": ("crps", selection.unit), "SMSE": ("smse", ""), "MSLL": ("msll", ""),
+              "path length": ("path_length", "workspace units")}  # fmt: skip
+    fields = {
+        name: f"{figure(final[column])} {unit}".strip()
+        for name, (column, unit) in scores.items()
+        if pd.notna(final.get(column))
+    }
+    covered = calibration_curve(selection, SHOWN_LEVELS).groupby("level")["covered"].mean()
+    told = ", ".join(
+        f"{100 * covered[level]:.0f} % of the nodes in {100 * level:.0f} % intervals"
+        for level in SHOWN_LEVELS
+        if pd.notna(covered[level])
+    )
+    return fields | ({"calibration": told} if told else {})
 
 
 def _relief(selection: Selection) -> dict[str, str]:

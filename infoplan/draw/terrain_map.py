@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.analyse.relief import RADIUS, local_relief
 from infoplan.config import PilotConfig
 from infoplan.draw import style
 from infoplan.extent import query_grid
 from infoplan.robot import bezier_path
 from infoplan.terrain import Terrain
+from infoplan.terrain.relief import RADIUS, local_relief
 from infoplan.wording import figure, harmless
 
 if TYPE_CHECKING:

@@ -1,6 +1,5 @@
 """What a worker does: fly, replay or map a mission, and hand back its tables, or say why not."""
 
-import math
 import os
 import threading
 import time
@@ -159,9 +158,11 @@ def _states(task: Task) -> Iterator["State"]:
     if task.surveyed is not None:
         from infoplan.mission import explore
         from infoplan.source import StoredSource
+        from infoplan.terrain.relief import local_relief, thirds
 
-        unknown = np.full(math.prod(config.grid), np.nan)
-        source = StoredSource(task.surveyed, terrain.extent, unknown, labelled=False)
+        unknown = np.full(config.grid, np.nan)
+        third = thirds(local_relief(unknown, terrain.extent)).ravel()
+        source = StoredSource(task.surveyed, terrain.extent, unknown.ravel(), third, labelled=False)
         return explore(config, source, task.seed)
     if task.flown is None:
         from infoplan.mission import explore

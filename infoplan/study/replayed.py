@@ -12,6 +12,7 @@ from infoplan.mission import explore
 from infoplan.samples import Samples
 from infoplan.scoring import State
 from infoplan.source import StoredSource
+from infoplan.terrain.relief import local_relief, thirds
 
 
 def explore_again(
@@ -38,7 +39,8 @@ def explore_again(
     """
     truth = maps["truth"].to_numpy(dtype=np.float64)
     extent, labelled = checked_extent(config.terrain.extent), not is_survey(config.terrain.name)
-    source = StoredSource(stored_samples(samples), extent, truth, labelled)
+    third = thirds(local_relief(truth.reshape(config.grid), extent)).ravel()
+    source = StoredSource(stored_samples(samples), extent, truth, third, labelled)
     # A planner or fault of the user's own need not be there any more.
     flown = replace(config, planner=stand_in(config), fault=SpikeConfig(), budget=len(samples))
     return explore(flown, source, seed)

@@ -306,12 +306,17 @@ TAMPERING = [
     (drop_a_node, "files"),
     *(
         (change_a_score_of_the_curve(column, -1), "final scores")
-        for column in ("rmse", "mae", "nlpd", "coverage95")
+        for column in ("rmse", "mae", "nlpd", "coverage95", "crps", "msll", "rmse_flat")
+    ),
+    *(
+        (change_a_score_of_the_curve(column, row), "bounds")
+        for column in ("smse", "rmse_middle", "rmse_rugged", "path_length")
+        for row in (0, 2, -1)
     ),
     (change_a_score_of_the_curve("lml", -1), "final model"),
     *(
         (change_a_score_of_the_curve(column, row), "earlier models")
-        for column in ("rmse", "mae", "nlpd", "coverage95", "lml")
+        for column in ("rmse", "mae", "nlpd", "coverage95", "lml", "crps", "msll", "rmse_flat")
         for row in (0, 3)
     ),
 ]
@@ -331,7 +336,7 @@ def test_a_historical_row_is_judged_again(tmp_path, historical):
     tables = {name: table.copy() for name, table in historical.items()}
     tables["curves"].loc[3, "rmse"] += 0.01
     store(tmp_path, configuration, tables)
-    assert failures(tmp_path) == {"earlier models"}
+    assert failures(tmp_path) == {"earlier models", "bounds"}
 
 
 CLAIMS = [

@@ -9,10 +9,10 @@ from matplotlib.cbook import is_math_text
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from infoplan.analyse import local_relief
 from infoplan.draw import style, terrain_map
 from infoplan.draw.terrain_map import draw_terrain, terrain_summary
 from infoplan.terrain import Terrain
+from infoplan.terrain.relief import local_relief
 
 
 def described(terrain: Terrain) -> dict[str, str]:

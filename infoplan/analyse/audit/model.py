@@ -25,10 +25,12 @@ from infoplan.analyse.audit.stored import (
     StoredMission,
     demand,
     demand_close,
+    is_told,
 )
 from infoplan.config import is_survey
 from infoplan.model.kernels import as_kernel
 from infoplan.model.theta import names_of
+from infoplan.tables import TABLES
 from infoplan.wording import spans
 
 PRECISION = {"float64": 1e-6, "float32": 3e-3}
@@ -232,12 +234,18 @@ def _compare_row(mission: StoredMission, row: int, used: Booleans) -> tuple[Floa
     if not abs(recorded - lml) <= precision * max(abs(lml), float(np.sum(used))):
         raise FaultError(f"epoch {row} has lml {recorded:.8g}, recomputed {lml:.8g}")
     if not is_survey(mission.option("terrain.name")):
-        _compare_scores(mission, row, mean, std, tolerance, precision)
+        _compare_scores(mission, row, used, mean, std, tolerance, precision)
     return mean, std, tolerance
 
 
 def _compare_scores(
-    mission: StoredMission, row: int, mean: Floats, std: Floats, tolerance: float, precision: float
+    mission: StoredMission,
+    row: int,
+    used: Booleans,
+    mean: Floats,
+    std: Floats,
+    tolerance: float,
+    precision: float,
 ) -> None:
     """Compare the scores of a row of the curve with those of a prediction.
 
@@ -245,6 +253,8 @@ def _compare_scores(
     ----------
     row
         Epoch.
+    used
+        What the model holds of the samples so far, shape (n,).
     mean, std
         Prediction on the query grid, shape (rows * columns,), terrain's unit.
     tolerance
@@ -255,13 +265,26 @@ def _compare_scores(
     truth = mission.maps["truth"].to_numpy()
     error = np.abs(mean - truth)
     nlpd = float(-np.mean(stats.norm.logpdf(truth, mean, std)))
+    # The score is E|X - truth| - E|X - X'| / 2 for independent X and X' of the prediction.
+    away = stats.foldnorm.mean(error / std, scale=std)
+    held = mission.samples["measured"].to_numpy()[: len(used)][used]
+    trivial = float(-np.mean(stats.norm.logpdf(truth, held.mean(), held.std() or np.nan)))
     expected = {
         "rmse": (float(np.sqrt(np.mean(error**2))), tolerance),
         "mae": (float(np.mean(error)), tolerance),
         "nlpd": (nlpd, precision * max(1.0, abs(nlpd))),
+        "crps": (float(np.mean(away - std / np.sqrt(np.pi))), 2 * tolerance),
+        "msll": (nlpd - trivial, precision * max(1.0, abs(nlpd), abs(trivial))),
+    } | {
+        f"rmse_{name}": (float(np.sqrt(np.mean(error[third] ** 2))), tolerance)
+        for name, third in mission.thirds.items()
     }
     for name, (value, allowed) in expected.items():
+        if not is_told(mission.curves, TABLES["curves"].columns[name]):
+            continue
         recorded = float(mission.curves[name][row])
+        if np.isnan(recorded) and np.isnan(value):
+            continue
         if not abs(recorded - value) <= allowed:
             raise FaultError(f"epoch {row} has {name} {recorded:.8g}, recomputed {value:.8g}")
     # Nodes so near the bound that rounding decides may count or not.
@@ -279,7 +302,8 @@ def check_final_scores(mission: StoredMission) -> str:
     mean, std = mission.maps["mean"].to_numpy(), mission.maps["std"].to_numpy()
     demand(std > 0, lambda i: f"node {i} has the standard deviation {std[i]:.6g}")
     last = len(mission.curves) - 1
-    _compare_scores(mission, last, mean, std, mission.elevation_tolerance, ROUNDING)
+    used = mission.samples["used"].to_numpy()
+    _compare_scores(mission, last, used, mean, std, mission.elevation_tolerance, ROUNDING)
     return f"RMSE {mission.curves['rmse'][last]:.6g} follows from the map"
 
 

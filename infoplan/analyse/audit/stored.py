@@ -15,6 +15,8 @@ from infoplan.errors import RunError
 from infoplan.study.records import Footer, MisfitError, read_science
 from infoplan.study.store import configuration_path, open_table, present_tables
 from infoplan.study.terms import as_meant
+from infoplan.tables import Column
+from infoplan.terrain.relief import CLASSES, RADIUS
 
 Floats = NDArray[np.float64]
 
@@ -137,6 +139,26 @@ class StoredMission:
         return ROUNDING * max(1.0, float(np.abs(self.maps[known]).max()))
 
     @cached_property
+    def thirds(self) -> dict[str, Booleans]:
+        """Nodes of the query grid in each third by local relief, by its name, shape (n,) each."""
+        rows, columns = (int(nodes) for nodes in self.option("grid"))
+        truth = self.maps["truth"].to_numpy().reshape(rows, columns)
+        xmin, xmax, ymin, ymax = self.extent
+        dy, dx = (ymax - ymin) / (rows - 1), (xmax - xmin) / (columns - 1)
+        radius = max(RADIUS, dx, dy) * (1 + 1e-9)
+        reach = min(int(radius / dy), rows - 1), min(int(radius / dx), columns - 1)
+        padded = np.pad(truth, [(r, r) for r in reach], constant_values=np.nan)
+        highest, lowest = truth.copy(), truth.copy()
+        for i in range(2 * reach[0] + 1):
+            for j in range(2 * reach[1] + 1):
+                if np.hypot((i - reach[0]) * dy, (j - reach[1]) * dx) <= radius:
+                    near = padded[i : i + rows, j : j + columns]
+                    highest, lowest = np.fmax(highest, near), np.fmin(lowest, near)
+        rank = pd.Series((highest - lowest).ravel()).rank(method="first").to_numpy() - 1
+        third = np.floor(rank * len(CLASSES) / truth.size)
+        return {name: third == index for index, name in enumerate(CLASSES)}
+
+    @cached_property
     def judgements(self) -> Judgements:
         """Scores and flags of the samples so far as they stood after each epoch, if known."""
         return self.judge(self)
@@ -168,6 +190,11 @@ def read_mission(
     )  # fmt: skip
 
 
+def is_told(table: pd.DataFrame, column: Column) -> bool:
+    """Tell whether a table has values in a column that an older version has not written."""
+    return not column.may_be_missing or bool(table[column.name].notna().any())
+
+
 def demand(holds: NDArray[np.bool_], describe: Callable[[int], str]) -> None:
     """Raise the description of the first entry that does not hold."""
     wrong = np.flatnonzero(~np.asarray(holds, dtype=bool))
@@ -176,7 +203,7 @@ def demand(holds: NDArray[np.bool_], describe: Callable[[int], str]) -> None:
         raise FaultError(describe(int(wrong[0])) + more)
 
 
-def demand_close(name: str, found: Floats, expected: Any, allowed: float) -> None:
+def demand_close(name: str, found: Floats, expected: Any, allowed: Any) -> None:
     """Raise the first entry that differs from its expected value by more than is allowed."""
     wanted = np.broadcast_to(np.asarray(expected, dtype=np.float64), found.shape)
     demand(

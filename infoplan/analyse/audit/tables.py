@@ -14,6 +14,8 @@ from infoplan.analyse.audit.stored import (
     Partial,
     StoredMission,
     demand,
+    demand_close,
+    is_told,
 )
 from infoplan.config import is_survey
 from infoplan.study.store import disagreement
@@ -45,7 +47,7 @@ def check_digests(mission: StoredMission) -> str | Partial:
 def check_times(mission: StoredMission) -> str:
     """Check that the times are possible: none negative, parts within the whole, clocks agreeing."""
     durations = [TABLES["curves"].columns[name] for name in DURATIONS]
-    parts = mission.curves[[part.name for part in durations if _is_told(mission.curves, part)]]
+    parts = mission.curves[[part.name for part in durations if is_told(mission.curves, part)]]
     for name in parts:
         values = parts[name].to_numpy()
         demand(
@@ -84,7 +86,30 @@ def check_bounds(mission: StoredMission) -> str:
         (inside > -0.5) & (inside < nodes + 0.5) & (np.abs(inside - np.round(inside)) <= 1e-6),
         lambda e: f"epoch {e} has coverage95 {inside[e] / nodes:.6g}, no share of {nodes} nodes",
     )
+    _check_followers(mission)
     return f"{len(curves)} epochs have possible scores"
+
+
+def _check_followers(mission: StoredMission) -> None:
+    """Check what follows in every epoch from other columns, the truth and the places."""
+    curves, truth = mission.curves, mission.maps["truth"].to_numpy()
+    columns = TABLES["curves"].columns
+    squares = curves["rmse"].to_numpy() ** 2
+    if is_told(curves, columns["smse"]) and np.var(truth) > 0:
+        expected = squares / np.var(truth)
+        demand_close("smse of epoch", curves["smse"].to_numpy(), expected, ROUNDING * expected)
+    if is_told(curves, columns["rmse_flat"]):
+        parts = {name: third.mean() for name, third in mission.thirds.items()}
+        together = sum(
+            share * curves[f"rmse_{name}"].to_numpy() ** 2 for name, share in parts.items()
+        )
+        demand_close("the square of the rmse of three thirds, epoch", together, squares,
+                     ROUNDING * squares)  # fmt: skip
+    if is_told(curves, columns["path_length"]):
+        steps = np.append(0.0, np.linalg.norm(np.diff(mission.x, axis=0), axis=1))
+        ways = np.array([steps[mission.epoch <= e].sum() for e in range(len(curves))])
+        demand_close("path_length of epoch", curves["path_length"].to_numpy(), ways,
+                     ROUNDING * ways)  # fmt: skip
 
 
 def check_values(mission: StoredMission) -> str:
@@ -98,7 +123,7 @@ def check_values(mission: StoredMission) -> str:
                 continue
             if column.of_truth and surveyed:
                 continue
-            if _is_told(table, column):
+            if is_told(table, column):
                 values = table[column.name].to_numpy()
                 if column.name == "measured" and _may_be_silent(mission):
                     silent = mission.samples["flagged" if surveyed else "is_outlier"].to_numpy()
@@ -112,11 +137,6 @@ def _may_be_silent(mission: StoredMission) -> bool:
     """Tell whether an outlier of a mission, or any sample of a survey, may have no measurement."""
     surveyed = is_survey(mission.option("terrain.name"))
     return surveyed or mission.option("fault.name") in SILENT or mission.is_own("fault")
-
-
-def _is_told(table: pd.DataFrame, column: Column) -> bool:
-    """Tell whether a table has values in a column that an older version has not written."""
-    return not column.may_be_missing or bool(table[column.name].notna().any())
 
 
 def _demand_possible(name: str, values: Floats, column: Column) -> None:
