@@ -231,7 +231,7 @@ DETECTOR = "wrong(samples, model, rng):"
 PLANNER = "wrong(situation, rng):"
 BROKEN = {
     f"{DETECTOR} return 1 / 0, 2": r"detector wrong failed in epoch 1: ZeroDivisionError: "
-    r"division by zero \(mine.py, line 17\)",
+    r"division by zero \(mine.py, line 23\)",
     f"{DETECTOR} return samples.flagged": "detector wrong gave no pair of arrays",
     f"{DETECTOR} return samples.flagged, samples.x": r"flags of shape \(\d+,\) and scores",
     f"{DETECTOR} return samples.flagged[:5], samples.measured": "one entry for each of the",
