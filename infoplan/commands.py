@@ -229,6 +229,61 @@ def replay(
     return replay(results_dir, run, seeds, trust, overrides)
 
 
+class Mapping(click.ParamType):
+    """Names by names, as YAML writes them between braces."""
+
+    name, words = "mapping", "a mapping like {value: Depth, time: UTC}"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> dict[str, str]:
+        """Read it."""
+        import yaml
+
+        try:
+            read = yaml.safe_load(value) if isinstance(value, str) else value
+        except yaml.YAMLError:
+            read = None
+        if not isinstance(read, dict):
+            self.fail(f"{value} is no mapping", param, ctx)
+        return {str(name): str(entry) for name, entry in read.items()}
+
+
+@infoplan.command(
+    "survey", cls=Command, more=options_of("SURVEY"),
+    help="Judge and map the log of a real survey: spikes out, a map with its uncertainty.",
+    examples=["infoplan survey track.csv", "infoplan survey track.gpx detector=local batch=30s",
+              "infoplan survey 'log.csv' 'columns={x: East, y: North, value: D}' crs=EPSG:32619"],
+)  # fmt: skip
+@setting("log", UserPath(), "the log: .csv, .tsv, .gpx, .nc or .parquet", bare=1)
+@RESULTS
+@setting("columns", Mapping(), "names of its columns by what they are (lat, lon, x, y, value, "
+         "time, date), where they are not recognised")  # fmt: skip
+@setting("crs", Text(), "the plane in metres, as EPSG:32619; the local UTM zone if left out")
+@setting("unit", Text(), "of the values; as the log says if left out")
+@setting("batch", Text(), "judge so many samples at a time, or seconds as in 30s; at once if "
+         "left out")  # fmt: skip
+@setting("check", Number(min=0, max=0.5, min_open=True), "compare all detectors: so large a share "
+         "of the samples of a copy become known spikes")  # fmt: skip
+def survey(
+    log: Path | None,
+    results_dir: Path,
+    columns: dict[str, str] | None,
+    crs: str | None,
+    unit: str | None,
+    batch: str | None,
+    check: float | None,
+    overrides: list[str],
+) -> int:
+    """Map a survey."""
+    from infoplan.survey_command import survey
+
+    if log is None:
+        raise UsageError(
+            "infoplan survey takes the log of a survey: name the file, like infoplan survey "
+            "track.csv"
+        )
+    return survey(results_dir, log, columns, crs, unit, batch, check, overrides)
+
+
 @infoplan.command(
     "status", cls=Command, more=options_of("STATUS"),
     help="What is done, failed and missing, of all stored runs or of a study.",
@@ -567,9 +622,12 @@ def _enter(arguments: list[str]) -> int:
 
 def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]) -> "Selection":
     """Find the study that options of runs choose."""
+    from infoplan.analyse.stretches import demand_truth
     from infoplan.analyse.tables import find_study
 
-    return find_study(results_dir, run=run, **_wanted(results_dir, filters))
+    study = find_study(results_dir, run=run, **_wanted(results_dir, filters))
+    demand_truth(study, "figures and claims")
+    return study
 
 
 def _wanted(results_dir: Path, filters: dict[str, Any]) -> dict[str, Any]:

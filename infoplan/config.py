@@ -130,6 +130,23 @@ class OwnTerrainConfig(TerrainConfig):
     options: dict[str, Any] = option({}, "the function's keyword-only parameters")
 
 
+@dataclass
+class SurveyedConfig(TerrainConfig):
+    """Where a survey was made, of which its log alone is known; nothing can be flown there."""
+
+    name: str = option("survey", "which place", choices=("survey",))
+    crs: str | None = option(
+        None, "coordinate reference system of the positions; null: a plane of the log's own"
+    )
+    origin: list[float] = option(
+        [0.0, 0.0], "easting and northing where the workspace begins", unit="m", length=2
+    )
+    columns: dict[str, str] = option({}, "columns of the log by what they were taken for")
+    batch: str | None = option(
+        None, "how much is judged at a time: samples, or seconds as in 30s; null: all at once"
+    )
+
+
 TERRAIN_SCHEMAS: dict[str, type[TerrainConfig]] = {
     "helens": HelensConfig,
     "volcano": TerrainConfig,
@@ -140,10 +157,18 @@ TERRAIN_SCHEMAS: dict[str, type[TerrainConfig]] = {
 }
 """Options of each terrain."""
 
+STORED_TERRAINS: dict[str, type[TerrainConfig]] = {**TERRAIN_SCHEMAS, "survey": SurveyedConfig}
+"""Options of all that runs are stored of, among them what cannot be chosen."""
+
 
 def terrain_kind(name: str) -> str:
-    """Kind of a terrain, a key of `TERRAIN_SCHEMAS`, from its name, as in ``file-hills``."""
+    """Kind of a terrain, a key of `STORED_TERRAINS`, from its name, as in ``file-hills``."""
     return name.partition("-")[0]
+
+
+def is_survey(terrain: str) -> bool:
+    """Tell by the name of a terrain whether it is a survey, whose truth nobody knows."""
+    return terrain_kind(terrain) == "survey"
 
 
 @dataclass
@@ -930,6 +955,9 @@ REPLAY_OPTIONS = ("planner.smoothing",)
 REPLAY_HOW = ("n_jobs", "backend", "mission_timeout", "on_error", "resume")
 """Options that say how a replay is run."""
 
+SURVEY_OPTIONS, SURVEY_HOW = ("grid",), ("resume",)
+"""Likewise of a survey: what may be chosen besides what a replay may, and how it is run."""
+
 
 @dataclass
 class RobotConfig:
@@ -1008,7 +1036,9 @@ if TYPE_CHECKING:
     ):  # fmt: skip
         """Options of all detectors."""
 
-    class AnyTerrain(HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig):  # type: ignore[misc]
+    class AnyTerrain(  # type: ignore[misc]
+        HelensConfig, FileConfig, RandomFieldConfig, OwnTerrainConfig, SurveyedConfig
+    ):
         """Options of all terrains."""
 
     class AnyModel(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import count, product
 from typing import Any
 
-from infoplan.config import METHODS
+from infoplan.config import METHODS, is_survey
 from infoplan.wording import harmless
 
 NEVER_ERRS = ("none", "best")
@@ -49,6 +49,9 @@ class Choice:
         mistaken = self.function and self.name.lower() in METHODS[self.group]
         return self.function if mistaken else self.name.upper()
 
+
+SURVEY = Choice("planner", "survey")
+"""What stands for the planner of a survey, which nobody planned."""
 
 GP, SPIKE, BATCH = Choice("model", "gp"), Choice("fault", "spike"), "batch"
 """The paper's, which labels do not tell."""
@@ -164,6 +167,8 @@ def method_of(options: Mapping[str, Any]) -> Method:
         Choice(group, str(options[f"{group}.name"]), str(options.get(f"{group}.function") or ""))
         for group in METHODS
     )
+    if is_survey(str(options.get("terrain.name", ""))):
+        planner = SURVEY
     scope = str(options["detector.scope"])
     return Method(planner, detector, model, REPLAY in options, fault, scope)
 

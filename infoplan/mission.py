@@ -1,12 +1,14 @@
 """One mission: the paper's Algorithm 1."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from infoplan.belief import Belief
-from infoplan.config import MissionConfig
+from infoplan.config import MissionConfig, is_survey
+from infoplan.cross_validation import cross_validate
 from infoplan.culprit import culprit_named
 from infoplan.mission_cost import check_mission
-from infoplan.samples import joined
+from infoplan.samples import Batch, joined
 from infoplan.scoring import State, assess
 from infoplan.source import Source
 
@@ -36,7 +38,7 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
         collected = source.pilot()  # line 1
         # Lines 2, 3 and 5.
         belief = Belief(config, source.extent, seed, collected.readings(), source.obstacles)
-        state = assess(belief, collected, source.grid_truth, source.grid_third)
+        state = _assess(config, belief, collected, source)
     yield state
     while belief.collected < config.budget:  # line 4
         with culprit_named(config, f"in epoch {belief.epoch + 1}"):
@@ -44,5 +46,13 @@ def explore(config: MissionConfig, source: Source, seed: int) -> Iterator[State]
             batch = source.sample(belief.epoch + 1, trajectory)  # line 7
             belief.learn(batch.readings())  # lines 8 to 10, and 5 of the next epoch
             collected = joined(collected, batch)
-            state = assess(belief, collected, source.grid_truth, source.grid_third)
+            state = _assess(config, belief, collected, source)
         yield state
+
+
+def _assess(config: MissionConfig, belief: Belief, collected: Batch, source: Source) -> State:
+    """Compare a belief with the truth, or where nobody knows it with its own samples."""
+    state = assess(belief, collected, source.grid_truth, source.grid_third)
+    if not is_survey(config.terrain.name):
+        return state
+    return replace(state, stretches=cross_validate(belief))

@@ -17,6 +17,8 @@ from infoplan.config import (
     REPLAY_GROUPS,
     REPLAY_HOW,
     REPLAY_OPTIONS,
+    SURVEY_HOW,
+    SURVEY_OPTIONS,
     Config,
     MissionConfig,
 )
@@ -205,6 +207,13 @@ def replay_settings(given: Mapping[str, Any]) -> list[Setting]:
     return settings + [setting for setting in root_settings() if setting.word in REPLAY_HOW]
 
 
+def survey_settings(given: Mapping[str, Any]) -> list[Setting]:
+    """Declare what a survey may choose: what a replay may, and the map's nodes."""
+    kept = (*SURVEY_OPTIONS, *SURVEY_HOW)
+    settings = [one for one in replay_settings(given) if one.word not in REPLAY_HOW]
+    return settings + [setting for setting in root_settings() if setting.word in kept]
+
+
 def hydra_words(incomplete: str) -> list[str]:
     """Complete Hydra's own options: ``hydra/launcher=`` and the like."""
     if not incomplete.startswith("hydra"):
@@ -259,6 +268,17 @@ def write_group(
         _write_settings(formatter, f"{group}={' or '.join(names)}", rest, about)
 
 
+def write_survey_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> None:
+    """Write what a survey may choose."""
+    with formatter.section("Choices; without them gp_residual, scope historical, and vecchia"):
+        for group in REPLAY_GROUPS:
+            _write_choice(formatter, group, [*GROUPS[group]])
+    others = [one for one in survey_settings({}) if one.word.partition(".")[0] not in REPLAY_GROUPS]
+    _write_settings(formatter, "Further options", others)
+    with formatter.section("Options of detectors and models"):
+        formatter.write_text("infoplan replay --help tells all of them.")
+
+
 def write_replay_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> None:
     """Write what a replay may change."""
     current = chosen(given)
@@ -303,6 +323,7 @@ RUN = More(
 )  # fmt: skip
 STATUS = More("overrides", run_settings, lambda name: True, several=lambda flags: True)
 REPLAY = More("overrides", replay_settings, lambda name: True, pages=write_replay_page)
+SURVEY = More("overrides", survey_settings, lambda name: True, pages=write_survey_page)
 TERRAIN = More(
     "overrides", terrain_settings, lambda name: name.startswith("terrain."),
     pages=write_terrain_page, documented="terrain= with the options of the map",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from infoplan.belief import Belief, number_of
 from infoplan.collapse import has_collapsed
-from infoplan.config import OwnModelConfig
+from infoplan.config import OwnModelConfig, is_survey
 from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.samples import Batch, Samples
@@ -93,12 +93,45 @@ class Maps:
 
 
 @dataclass(frozen=True)
+class StretchScore:
+    """How well a stretch of a survey's track is predicted without its samples, after an epoch.
+
+    Errors are root mean squares over the samples of the stretch that are in the model, terrain's
+    unit; NaN where there is none, or none elsewhere.
+
+    Attributes
+    ----------
+    epoch, stretch
+        Which; stretches are counted from 0 along the track.
+    samples
+        How many of its samples are in the model.
+    rmse
+        Predicted from the samples of the other stretches that are in the model.
+    rmse_unfiltered
+        Likewise, from those that were flagged, too.
+    loo_rmse
+        Each predicted from all others in the model, the same stretch among them.
+    """
+
+    epoch: int
+    stretch: int
+    samples: int
+    rmse: float
+    rmse_unfiltered: float
+    loo_rmse: float
+
+
+@dataclass(frozen=True)
 class State:
-    """A mission after an epoch: its row of the curve, all samples as judged now, the maps."""
+    """A mission after an epoch: its row of the curve, all samples as judged now, the maps.
+
+    Of a survey `stretches` score it instead of the truth.
+    """
 
     row: CurveRow
     samples: Samples
     maps: Maps
+    stretches: tuple[StretchScore, ...] = ()
 
 
 def assess(
@@ -171,8 +204,8 @@ def count_confusion(judged: Samples) -> dict[str, int]:
 
 def _collapsed(belief: Belief, learned: Any) -> bool | None:
     """Tell whether the model has collapsed; one of the user's may scale its inputs as it likes."""
-    if isinstance(belief.config.model, OwnModelConfig):
-        return None
+    if isinstance(belief.config.model, OwnModelConfig) or is_survey(belief.config.terrain.name):
+        return None  # nor is it known how far apart a log's samples are meant to be
     lengthscales = [number_of(learned, name) for name in ("lengthscale_1", "lengthscale_2")]
     readings = belief.readings
     pilot = readings.x[(belief.epochs == 0) & ~np.isnan(readings.measured)]

@@ -61,15 +61,22 @@ class StoredSource:
         All of them.
     extent, grid_truth, grid_third
         As of `Source`.
+    labelled
+        Whether anybody knows which samples are outliers.
     """
 
     is_steered = False
     obstacles = NOWHERE  # nothing is planned
 
     def __init__(
-        self, samples: Samples, extent: Extent, grid_truth: Floats, grid_third: NDArray[np.intp]
+        self,
+        samples: Samples,
+        extent: Extent,
+        grid_truth: Floats,
+        grid_third: NDArray[np.intp],
+        labelled: bool = True,
     ):
-        self.samples = samples
+        self.samples, self.labelled = samples, labelled
         self.extent = extent
         self.grid_truth = grid_truth
         self.grid_third = grid_third
@@ -81,4 +88,5 @@ class StoredSource:
     def sample(self, epoch: int, trajectory: Floats | None) -> Batch:
         """Give the samples of an epoch."""
         part = self.samples[self.samples.epoch == epoch]
-        return Batch(part.x, part.heading, part.measured, part.is_outlier, part.truth)
+        labels = part.is_outlier if self.labelled else None
+        return Batch(part.x, part.heading, part.measured, labels, part.truth)

@@ -50,6 +50,8 @@ class Column:
         Whether any value may be missing, null or NaN.
     since
         The version that wrote it first.
+    of_truth
+        Whether it needs the truth: of a survey, whose truth nobody knows, all is null or NaN.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Column:
     told_by: str = ""
     gaps: bool = False
     since: str = FIRST
+    of_truth: bool = False
 
     @property
     def may_be_missing(self) -> bool:
@@ -134,20 +137,25 @@ TABLES: dict[str, Table] = {
             "root mean square error of the latent mean on the query grid",
             ELEVATION,
             at_least=0,
+            of_truth=True,
         ),
-        Column("mae", "double", "mean absolute error likewise", ELEVATION, at_least=0),
-        Column("nlpd", "double", "mean negative log density of the truth, latent mean and std"),
+        Column("mae", "double", "mean absolute error likewise", ELEVATION, at_least=0,
+               of_truth=True),
+        Column("nlpd", "double", "mean negative log density of the truth, latent mean and std",
+               of_truth=True),
         Column(
             "coverage95",
             "double",
             "share of the nodes whose truth lies in the central 95 % interval",
             at_least=0,
             at_most=1,
+            of_truth=True,
         ),
-        Column("tp", "integer", "outliers flagged, of the samples judged", at_least=0),
-        Column("fp", "integer", "others flagged", at_least=0),
-        Column("fn", "integer", "outliers kept", at_least=0),
-        Column("tn", "integer", "others kept", at_least=0),
+        Column("tp", "integer", "outliers flagged, of the samples judged", at_least=0,
+               of_truth=True),
+        Column("fp", "integer", "others flagged", at_least=0, of_truth=True),
+        Column("fn", "integer", "outliers kept", at_least=0, of_truth=True),
+        Column("tn", "integer", "others kept", at_least=0, of_truth=True),
         Column("amplitude", "double", "of the kernel", SCALED, told_by="model"),
         Column("lengthscale_1", "double", "of the kernel along x1", SCALED, told_by="model",
                gaps=True),
@@ -162,17 +170,17 @@ TABLES: dict[str, Table] = {
                at_least=0),
         Column("detect_seconds", "double", "time of judging samples", SECONDS, at_least=0),
         Column("crps", "double", "mean continuous ranked probability score of the truth, latent "
-               "mean and std", ELEVATION, at_least=0, since="0.2.0"),
+               "mean and std", ELEVATION, at_least=0, since="0.2.0", of_truth=True),
         Column("smse", "double", "mean square error over the variance of the truth; flat: NaN",
-               at_least=0, gaps=True, since="0.2.0"),
+               at_least=0, gaps=True, since="0.2.0", of_truth=True),
         Column("msll", "double", "nlpd less that of the mean and variance of the samples in the "
-               "model; all equal: NaN", gaps=True, since="0.2.0"),
+               "model; all equal: NaN", gaps=True, since="0.2.0", of_truth=True),
         Column("rmse_flat", "double", "rmse in the third of the nodes with the least local relief",
-               ELEVATION, at_least=0, since="0.2.0"),
+               ELEVATION, at_least=0, since="0.2.0", of_truth=True),
         Column("rmse_middle", "double", "likewise in the middle third", ELEVATION, at_least=0,
-               since="0.2.0"),
+               since="0.2.0", of_truth=True),
         Column("rmse_rugged", "double", "likewise in the third with the most", ELEVATION,
-               at_least=0, since="0.2.0"),
+               at_least=0, since="0.2.0", of_truth=True),
         Column("path_length", "double", "way from sample to sample so far, the pilot's included",
                LENGTH, at_least=0, since="0.2.0"),
         Column(
@@ -190,10 +198,10 @@ TABLES: dict[str, Table] = {
         Column("x1", "double", "position", LENGTH),
         Column("x2", "double", "position", LENGTH),
         Column("heading", "double", "after the turn", "rad", at_least=0, at_most=2 * math.pi),
-        Column("truth", "double", "elevation", ELEVATION),
+        Column("truth", "double", "elevation", ELEVATION, of_truth=True),
         Column("measured", "double", "what the sensor said; nothing: NaN", ELEVATION),
         Column("score", "double", "the detector's last; none: NaN", told_by="detector", gaps=True),
-        Column("is_outlier", "boolean", "whether it was corrupted"),
+        Column("is_outlier", "boolean", "whether it was corrupted", of_truth=True),
         Column("flagged", "boolean", "whether the detector calls it an outlier, at the end"),
         Column("used", "boolean", "whether it is in the model, at the end"),
     ),
@@ -202,10 +210,24 @@ TABLES: dict[str, Table] = {
         Column("seed", "integer", "seed of the mission", at_least=0),
         Column("x1", "double", "position", LENGTH),
         Column("x2", "double", "position", LENGTH),
-        Column("truth", "double", "elevation", ELEVATION),
+        Column("truth", "double", "elevation", ELEVATION, of_truth=True),
         Column("mean", "double", "latent mean", ELEVATION),
         Column("std", "double", "latent standard deviation", ELEVATION, at_least=0),
         Column("outlier_density", "double", "smoothed count of flagged samples", at_least=0),
+    ),
+    "stretches": _table(
+        "of a survey, a stretch of the track after an epoch, predicted without its samples",
+        Column("seed", "integer", "seed of the mission", at_least=0),
+        Column("epoch", "integer", "epoch", at_least=0),
+        Column("stretch", "integer", "which, counted from 0 along the track", at_least=0),
+        Column("samples", "integer", "samples of it in the model", at_least=0),
+        Column("rmse", "double", "root mean square error at them, predicted from those in the "
+               "model of the other stretches", ELEVATION, at_least=0, gaps=True),
+        Column("rmse_unfiltered", "double", "likewise, from those that were flagged, too",
+               ELEVATION, at_least=0, gaps=True),
+        Column("loo_rmse", "double", "likewise, each from all others in the model", ELEVATION,
+               at_least=0, gaps=True),
+        since="0.2.0",
     ),
 }  # fmt: skip
 """Tables and columns, in order."""

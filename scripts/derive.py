@@ -146,6 +146,7 @@ def _columns() -> str:
         text += "| column | type | unit | what it holds |\n|---|---|---|---|\n"
         for column in table.columns.values():
             doc = f"{column.doc} (since {column.since})" if column.may_be_missing else column.doc
+            doc += "; of a survey null" if column.of_truth else ""
             text += f"| {column.name} | {column.kind} | {column.unit} | {doc} |\n"
     return f"{text}\n"
 

@@ -58,6 +58,7 @@ def small(command: str) -> list[str]:
     added = {
         "run": [name for name in SMALL if not (no_tree and name == "planner.iterations")],
         "replay": ["backend"],
+        "survey": ["grid", "model.pilot_iterations", "model.iterations"],
     }
     return [*words, *[f"{o}={SMALL[o]}" for o in added.get(words[0], []) if o not in said]]
 
@@ -68,6 +69,8 @@ def study(tmp_path_factory) -> Path:
     for example in (ROOT / "examples").glob("*.py"):
         shutil.copy(example, folder)
     infoplan(*small("infoplan run -m experiment=fig5"), cwd=folder)
+    shutil.copy(ROOT / "examples" / "harbour.csv", folder)
+    infoplan(*small("infoplan survey harbour.csv results_dir=surveys"), cwd=folder)
     return folder
 
 
@@ -86,8 +89,9 @@ def test_python(text, study, monkeypatch):
 def test_command(command, study, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(study)
     monkeypatch.setattr(sys, "path", list(sys.path))
+    command = command.replace("<survey>", next((study / "surveys" / "runs").glob("survey-*")).stem)
     words = small(command.replace("<run>", a_run(study)))
-    if words[0] in ("run", "replay"):
+    if words[0] in ("run", "replay") and "results_dir=surveys" not in words:
         # What it computes must not mix with the study that the other examples read.
         shutil.copytree(study / "results", tmp_path / "results")
         words.append(f"results_dir={tmp_path / 'results'}")

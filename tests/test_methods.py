@@ -216,7 +216,7 @@ def test_own_methods_fly(write, volcano):
     )
     states = fly(made, volcano)
     assert [state.row.collected for state in states] == [100, 110, 120, 130]
-    row, samples, maps = vars(states[-1]).values()
+    row, samples, maps = states[-1].row, states[-1].samples, states[-1].maps
     assert (maps.std == 9.0).all()
     np.testing.assert_allclose(maps.mean, samples.measured.mean())
     np.testing.assert_array_equal(samples.score[100:], samples.measured[100:])

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from infoplan.analyse.configurations import Options, option_text, stored_options
 from infoplan.analyse.curves import mean_between
 from infoplan.analyse.statistics import RESAMPLES, Interval
+from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import REPLAY, demand_whole, stored_footers
-from infoplan.config import METHODS
+from infoplan.config import METHODS, is_survey
 from infoplan.errors import UsageError
 from infoplan.files import user_path
 from infoplan.method_identity import SPIKE, Method, labels, method_of
@@ -167,13 +168,23 @@ def rank(
     Raises
     ------
     UsageError
-        If no missions answer, or not two methods have the same maps, faults, rhos and seeds.
+        If no missions answer, or not two methods have the same maps, faults, rhos and seeds; of
+        surveys, whose truth nobody knows, none counts.
     RunError
         If a table cannot be read.
     """
     folder = user_path(results_dir)
-    entries = _chosen(folder, filters or {})
+    chosen = _chosen(folder, filters or {})
+    entries = [entry for entry in chosen if not is_survey(str(entry.options["terrain.name"]))]
+    if not entries:
+        raise UsageError(
+            f"results_dir={folder} holds surveys alone, and {NO_TRUTH}: methods are ranked by "
+            "their errors on missions that infoplan run has flown"
+        )
+    surveys = len(chosen) - len(entries)
     entries, notes = _with_common_settings(entries)
+    if surveys:
+        notes.append(f"{counted(surveys, 'survey')} left out: {NO_TRUTH}")
     where = _named(entries)
     cells = {(method, condition) for method, condition, _ in where}
     counts = Counter(condition for _, condition in cells)

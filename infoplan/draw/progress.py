@@ -1,5 +1,6 @@
 """What a person sees while missions run: a live display, or plain lines without a terminal."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -67,8 +68,10 @@ class Line:
 
     @property
     def error(self) -> str:
-        """RMSE with its unit, empty before there is one."""
-        return "" if self.rmse is None else f"  RMSE {figure(self.rmse)} {harmless(self.unit)}"
+        """RMSE with its unit, empty before there is one, or where the truth is unknown."""
+        if self.rmse is None or math.isnan(self.rmse):
+            return ""
+        return f"  RMSE {figure(self.rmse)} {harmless(self.unit)}"
 
     @property
     def note(self) -> str:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from infoplan.analyse.configurations import stored_options
 from infoplan.analyse.relief import on_grid
+from infoplan.analyse.stretches import load_scored_curves
 from infoplan.analyse.tables import find_missions
-from infoplan.config import MissionConfig, validate
+from infoplan.config import MissionConfig, is_survey, validate
 from infoplan.errors import RunError, UsageError
 from infoplan.extent import checked_extent
 from infoplan.method_identity import PAPERS_OWN, method_of
@@ -47,6 +48,8 @@ class Recording:
         Its tables, one row a sample, an epoch, a node of the query grid.
     truth
         Elevation at the nodes of the query grid, shape ``config.grid``, terrain's unit.
+    errors
+        RMSE of each epoch; of a survey the cross-validated one.
     """
 
     run: str
@@ -58,6 +61,12 @@ class Recording:
     curve: pd.DataFrame
     maps: pd.DataFrame
     truth: Floats
+    errors: "pd.Series[float]"
+
+    @property
+    def surveyed(self) -> bool:
+        """Whether nobody knows the truth."""
+        return is_survey(self.config.terrain.name)
 
 
 def run_to_show(results_dir: Path, run: str | None) -> str:
@@ -104,7 +113,8 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
     RunError
         If a table cannot be read.
     """
-    missions = find_missions(results_dir, run=run, seed=seed).missions
+    selection = find_missions(results_dir, run=run, seed=seed)
+    missions, errors = selection.missions, load_scored_curves(selection)["rmse"]
     footer = read_footer(table_path(results_dir, "curves", run, seed))
     curve, samples, maps = (
         read_table(results_dir, name, run, seed).to_pandas()
@@ -118,8 +128,9 @@ def read_recording(results_dir: Path, run: str, seed: int) -> Recording:
         )
     method = str(missions["method"].iloc[0])
     return Recording(
-        run, seed, method, footer.config, footer.configuration, samples, curve, maps, truth
-    )
+        run, seed, method, footer.config, footer.configuration, samples, curve, maps, truth,
+        errors.reset_index(drop=True),
+    )  # fmt: skip
 
 
 def check_named(recording: Recording, named: Mapping[str, str | None]) -> None:

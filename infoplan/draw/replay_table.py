@@ -6,8 +6,11 @@ from rich.console import Console
 
 from infoplan.analyse.curves import on_common_axis, summarise
 from infoplan.analyse.statistics import bootstrap_mean
+from infoplan.analyse.stretches import read_stretches
 from infoplan.analyse.tables import load_curves
+from infoplan.config import is_survey
 from infoplan.draw.console import say
+from infoplan.draw.survey_table import score_lines
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.study.study import Study
 from infoplan.wording import counted, interval
@@ -17,7 +20,12 @@ def print_replay(study: Study, console: Console) -> None:
     """Print what was replayed, and how it compares with what was flown."""
     run, _ = study.runs[0]
     seeds = sorted(seed for _, seed in study.done)
-    if seeds:
+    if seeds and is_survey(run.terrain.name):
+        for what, name in (("flown", study.flown), ("replayed", run.name)):
+            stretches = read_stretches(study.results_dir, str(name), seeds[0])
+            for line in score_lines(stretches, run.terrain.unit):
+                say(console, f"{what}: {line}")
+    elif seeds:
         _print_table(study, seeds, console)
     say(console, f"flown:    {study.flown}")
     say(console, f"replayed: {run.name}")

@@ -17,7 +17,9 @@ from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
 from infoplan.analyse.statistics import Interval
+from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
+from infoplan.config import is_survey
 from infoplan.draw import claims_table
 from infoplan.draw.report_data import (
     Findings,
@@ -119,6 +121,12 @@ def _rendered(selection: Selection) -> str:
     footers = read_footers(selection)
     quality, places = quality_charts(selection, panels), alarm_map(selection, panels)
     first = _papers_own(panels).title
+    surveyed = is_survey(selection.terrain)
+    unjudged = (
+        f"Errors of detectors need the truth, and {NO_TRUTH}."
+        if surveyed
+        else "No run here has a detector that can err."
+    )
     data = {
         "unit": selection.unit,
         "methods": _methods(panels),
@@ -134,8 +142,12 @@ def _rendered(selection: Selection) -> str:
         "summary": _summary(selection, panels, findings, claims),
         "finals": _finals(selection, panels, findings),
         "claims": _claims(claims, reason),
-        "detector": _detector(quality, panels, findings),
-        "places": _places(places, selection),
+        "error": f"Cross-validated RMSE, each stretch of the track predicted from the others, as "
+        f"{NO_TRUTH},"
+        if surveyed
+        else "RMSE of the model's mean on the query grid",
+        "detector": _detector(quality, panels, findings, unjudged),
+        "places": _places(places, selection, unjudged),
         "runs": _runs(selection, findings, footers),
         "provenance": _provenance(selection, footers),
         "data": _embedded(data),
@@ -148,6 +160,8 @@ def _rendered(selection: Selection) -> str:
 
 def _judged(selection: Selection) -> tuple[list[Claim], str]:
     """Judge the claims by the missions that make a study, and say what was left out of it."""
+    if is_survey(selection.terrain):
+        return [], f"the claims need the truth, and {NO_TRUTH}"
     try:
         study = study_of(selection)
     except UsageError as error:
@@ -201,14 +215,22 @@ def _summary(
 ) -> str:
     runs = selection.missions.groupby("run")["seed"].nunique()
     seeds = " to ".join(str(n) for n in _ends(sorted(set(runs))))
-    introduction = (
+    introduction = [
         f"A robot collects {selection.budget} elevation samples of {selection.terrain}; a share ρ "
         f"of each batch becomes outliers. {_method_words(selection)}",
         f"The page shows {counted(int(runs.sum()), 'finished mission')} of "
         f"{counted(len(runs), 'run')}, {seeds} seed{'' if seeds == '1' else 's'} a run. Numbers "
         "are means over seeds, with 95 % bootstrap intervals over whole seeds in brackets.",
-    )
-    points = [_ranking(panel, findings, selection.unit) for panel in panels]
+    ]
+    if is_survey(selection.terrain):
+        introduction = [
+            f"The log of a real survey, {selection.terrain}: {counted(selection.budget, 'sample')},"
+            " judged by detectors and mapped. Predictions are cross-validated along the track, as "
+            f"{NO_TRUTH}."
+        ]
+    points = [
+        _ranking(panel, findings, selection.unit, _error_words(selection)) for panel in panels
+    ]
     judging = [panel for panel in panels if panel.judging]
     points += [_detection(panel, findings) for panel in judging if panel is _papers_own(judging)]
     told = "".join(
@@ -260,14 +282,22 @@ def _papers_own(panels: Sequence[Panel]) -> Panel:
     return next((one for one in panels if (one.rho, one.scope) == (0.1, "batch")), panels[0])
 
 
-def _ranking(panel: Panel, findings: Findings, unit: str) -> str:
+def _error_words(selection: Selection) -> str:
+    """Name the errors that a page shows."""
+    return "cross-validated RMSE" if is_survey(selection.terrain) else "RMSE"
+
+
+def _ranking(panel: Panel, findings: Findings, unit: str, error: str) -> str:
     """Say in which order the methods of a panel end."""
     finals = {method: findings.interval(run, "final") for method, run in panel.runs.items()}
     known = {method: one.mean for method, one in finals.items() if not math.isnan(one.mean)}
     best, *others = sorted(finals, key=lambda method: known.get(method, math.inf))
-    told = f"{panel.title}: {best} ends with an RMSE of {interval_text(finals[best])} {unit}"
+    article = "an" if error == "RMSE" else "a"
+    told = (
+        f"{panel.title}: {best} ends with {article} {error} of {interval_text(finals[best])} {unit}"
+    )
     if others:
-        told = told.replace(" ends with an", " ends lowest, with an")
+        told = told.replace(" ends with a", " ends lowest, with a")
         told += f", then {', '.join(f'{one} {interval_text(finals[one])}' for one in others)}"
     return f"{told}."
 
@@ -289,7 +319,11 @@ def _detection(panel: Panel, findings: Findings) -> str:
 def _finals(selection: Selection, panels: Sequence[Panel], findings: Findings) -> str:
     methods = looks(name for panel in panels for name in panel.runs)
     tables = []
-    for name, what in (("final", f"RMSE at {selection.budget} samples"), ("area", "mean RMSE")):
+    error = _error_words(selection)
+    for name, what in (
+        ("final", f"{error} at {selection.budget} samples"),
+        ("area", f"mean {error}"),
+    ):
         rows = [[method, *(_number_of(panel, method, name, findings) for panel in panels)]
                 for method in methods]  # fmt: skip
         headings = ["method", *(panel.title for panel in panels)]
@@ -407,9 +441,11 @@ def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
     )
 
 
-def _detector(quality: dict[str, Any], panels: Sequence[Panel], findings: Findings) -> str:
+def _detector(
+    quality: dict[str, Any], panels: Sequence[Panel], findings: Findings, reason: str
+) -> str:
     if not quality["panels"]:
-        return "<p>No run here has a detector that can err.</p>"
+        return f"<p>{_html(reason)}</p>"
     rows = []
     for panel in panels:
         for method, run in panel.judging.items():
@@ -432,9 +468,9 @@ def _detector(quality: dict[str, Any], panels: Sequence[Panel], findings: Findin
     )
 
 
-def _places(places: dict[str, Any], selection: Selection) -> str:
+def _places(places: dict[str, Any], selection: Selection, reason: str) -> str:
     if not places["runs"]:
-        return "<p>No run here has a detector that can err.</p>"
+        return f"<p>{_html(reason)}</p>"
     unit = _html(selection.unit)
     headings = ("land", f"local relief ({unit})", f"final RMSE ({unit})", "false-alarm rate")
     head = "".join(f'<th scope="col">{text}</th>' for text in headings)
@@ -465,7 +501,7 @@ def _runs(selection: Selection, findings: Findings, footers: Sequence[Footer]) -
         ]
         for record in run_records(selection, findings)
     ]
-    final = f"final RMSE ({selection.unit})"
+    final = f"final {_error_words(selection)} ({selection.unit})"
     headings = ["run", "seeds", *differ, final, "flown (UTC)", "seconds a mission"]
     took = f"{hours} h {minutes} min" if hours else f"{minutes} min"
     return (

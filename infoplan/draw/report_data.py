@@ -26,8 +26,10 @@ from infoplan.analyse.curves import (
 from infoplan.analyse.detection import detector_quality
 from infoplan.analyse.relief import by_relief, grid_of, on_grid
 from infoplan.analyse.statistics import RESAMPLES, Interval, bootstrap_band, bootstrap_mean
-from infoplan.analyse.tables import Selection, load_curves, load_samples
+from infoplan.analyse.stretches import load_scored_curves
+from infoplan.analyse.tables import Selection, load_samples
 from infoplan.backend import load_matplotlib
+from infoplan.config import is_survey
 from infoplan.draw.fig5 import PANELS
 from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.records import Footer
@@ -81,9 +83,13 @@ def panels_of(selection: Selection) -> list[Panel]:
     """List the panels that the stored runs fill, the paper's first."""
     missions = selection.missions
     judging = missions[~missions["detector"].isin(NEVER_ERRS)]
+    if is_survey(selection.terrain):  # nobody can say whether a detector errs
+        judging = judging.iloc[:0]
     can_err = set(judging["run"])
     keys = set(zip(judging["rho"], judging["scope"], strict=True))
     # NONE and BEST go with either scope: they make a panel of their own only where they are alone.
+    if is_survey(selection.terrain):
+        keys = set(zip(missions["rho"], missions["scope"], strict=True))
     keys |= {(rho, "batch") for rho in set(missions["rho"]) - {rho for rho, _ in keys}}
     ordered = sorted(keys, key=lambda key: (LETTERS.get(key, "other"), key[1], key[0]))
     panels = []
@@ -139,7 +145,7 @@ class Findings:
 
 def read_findings(selection: Selection) -> Findings:
     """Read the curves, put them on one axis and sum them up."""
-    curves = load_curves(selection)
+    curves = load_scored_curves(selection)
     whole = common_axis(curves)
     axis = np.unique(np.linspace(whole[0], whole[-1], CURVE_POINTS).round().astype(np.int64))
     told = collapse(curves, selection.results_dir)

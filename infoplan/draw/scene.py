@@ -69,15 +69,19 @@ class Scene:
         from matplotlib.figure import Figure
 
         config, truth = recording.config, recording.truth
+        self.surveyed = recording.surveyed
+        if self.surveyed:  # what is believed at the end stands for what nobody knows
+            truth = states[-1].maps.mean.reshape(truth.shape)
         xmin, xmax, ymin, ymax = config.terrain.extent
         self.extent = (xmin, xmax, ymin, ymax)
         self.budget, self.truth = config.budget, truth
         self.unit = style.inert(config.terrain.unit or "", style.LONGEST_UNIT)
         self.figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
         self.canvas = FigureCanvasAgg(self.figure)
+        flown = "" if self.surveyed else f"ρ = {config.rho:g}, "
         title = (
             f"{style.inert(recording.method)} on {style.inert(config.terrain.name)}, "
-            f"ρ = {config.rho:g}, {config.detector.scope} scope, seed {recording.seed}"
+            f"{flown}{config.detector.scope} scope, seed {recording.seed}"
         )
         headline = self._say(14, title, weight="bold")
         # A long name must not run into the clock.
@@ -87,13 +91,11 @@ class Scene:
         self._draw_path_panel()
         # Few nodes must not take the colours from all others.
         deviation = _range([state.maps.std for state in states], 0.02, 0.98)
-        _, error = _range(
-            [np.abs(state.maps.mean - state.maps.truth) for state in states], 0.0, 0.98
-        )
+        _, error = _range([self._errors_of(state) for state in states], 0.0, 0.98)
         density = max(float(state.maps.outlier_density.max()) for state in states)
         self.mean = self._panel(0, 0, "mean", style.ELEVATION, truth.min(), truth.max())
         self.std = self._panel(0, 1, "standard deviation", style.DEVIATION, *deviation)
-        self.error = self._panel(1, 0, "absolute error", style.ERROR, 0, error)
+        self.error = self._panel(1, 0, self._error_words(), style.ERROR, 0, error)
         # It falls by orders of magnitude: steps of the same ratio have the same colours.
         least = max(deviation[0], 1e-3 * deviation[1])
         self.std.set_norm(LogNorm(least, deviation[1]))
@@ -105,7 +107,8 @@ class Scene:
         self.density = self._panel(1, 1, "outlier density", style.DENSITY, 0, density or 1.0)
         # A few places hold most flags: the root lets the others be seen.
         self.density.set_norm(PowerNorm(0.5, 0, density or 1.0))
-        self._draw_curve_panel(recording.curve, looks([recording.method])[recording.method])
+        curve = recording.curve.assign(rmse=recording.errors)
+        self._draw_curve_panel(curve, looks([recording.method])[recording.method])
 
     def draw(self, state: State) -> Picture:
         """Draw a state; returns red, green, blue, shape (HEIGHT, WIDTH, 3)."""
@@ -115,7 +118,7 @@ class Scene:
         newest = samples[samples.epoch == row.epoch]
         self.newest.set_data(newest.x[:, 0], newest.x[:, 1])
         self.robot.set_data(samples.x[-1:, 0], samples.x[-1:, 1])
-        flagged, outlier = samples.flagged, samples.is_outlier
+        flagged, outlier = samples.flagged, samples.is_outlier | self.surveyed & samples.flagged
         for marks, chosen in (
             (self.caught, flagged & outlier),
             (self.missed, ~flagged & outlier),
@@ -125,15 +128,18 @@ class Scene:
         for image, values in (
             (self.mean, maps.mean),
             (self.std, maps.std),
-            (self.error, np.abs(maps.mean - maps.truth)),
+            (self.error, self._errors_of(state)),
             (self.density, maps.outlier_density),
         ):
             image.set_data(drawable(values.reshape(self.truth.shape), self.truth))
-        told = f"absolute error, RMSE {figure(row.rmse)} {self.unit}"
-        self.error.axes.set_title(told.rstrip(), loc="left")
+        if not self.surveyed:
+            told = f"absolute error, RMSE {figure(row.rmse)} {self.unit}"
+            self.error.axes.set_title(told.rstrip(), loc="left")
         so_far = self.stored["collected"] <= row.collected
         self.curve.set_data(self.stored["collected"][so_far], self.errors[so_far])
-        self.point.set_data([row.collected], drawable([row.rmse], self.stored["rmse"]))
+        now = self.stored["epoch"] == row.epoch
+        error = row.rmse if not self.surveyed else float(self.stored["rmse"][now].iloc[0])
+        self.point.set_data([row.collected], drawable([error], self.stored["rmse"]))
         self.canvas.draw()
         return np.asarray(self.canvas.buffer_rgba())[:, :, :3].copy()
 
@@ -142,20 +148,32 @@ class Scene:
         style.show_relief(axes, self.truth, self.extent)
         style.show_obstacles(axes, self.obstacles)
         axes.set(xlabel="", ylabel="")
-        axes.set_title("ground truth, path and samples", loc="left")
+        ground = "mean at the end" if self.surveyed else "ground truth"
+        axes.set_title(f"{ground}, path and samples", loc="left")
         (self.path,) = axes.plot([], [], color="white", lw=0.8, alpha=0.75)
         (self.newest,) = axes.plot([], [], ".-", color="white", lw=1.4, ms=3.5)
         (self.missed,) = axes.plot([], [], "v", color="#FF4FB0", label="outlier missed")
-        (self.caught,) = axes.plot([], [], "o", color="white", label="outlier caught")
+        (self.caught,) = axes.plot(
+            [], [], "o", color="white", label="flagged" if self.surveyed else "outlier caught"
+        )
         (self.false_alarms,) = axes.plot([], [], "X", color="#FF6A00", label="false alarm")
         marks = [self.caught, self.missed, self.false_alarms]
         for mark in marks:
             mark.set(markersize=5.5, markeredgecolor="black", markeredgewidth=0.6)
         (self.robot,) = axes.plot([], [], "D", color="black", mec="white", label="robot")
+        told = [self.caught] if self.surveyed else marks
         axes.legend(
-            handles=[*marks, self.robot], ncols=4, loc="upper left", bbox_to_anchor=(0, -0.05),
+            handles=[*told, self.robot], ncols=4, loc="upper left", bbox_to_anchor=(0, -0.05),
             borderaxespad=0, handletextpad=0.2, columnspacing=1.2,
         )  # fmt: skip
+
+    def _errors_of(self, state: State) -> Floats:
+        """Absolute error at the nodes; of a survey, the change of the mean until the end."""
+        maps = state.maps
+        return np.abs(maps.mean - (self.truth.ravel() if self.surveyed else maps.truth))
+
+    def _error_words(self) -> str:
+        return "mean less that of the end" if self.surveyed else "absolute error"
 
     def _panel(
         self, row: int, column: int, title: str, cmap: str, vmin: float, vmax: float
@@ -181,7 +199,7 @@ class Scene:
         (self.curve,) = axes.plot([], [], color=look.colour, lw=1.6)
         (self.point,) = axes.plot([], [], "o", color=look.colour, ms=5, clip_on=False)
         axes.set(xlim=(0, self.budget), ylim=(0, None), xlabel="samples collected",
-                 ylabel=f"RMSE ({self.unit})")  # fmt: skip
+                 ylabel=f"{'CV ' * self.surveyed}RMSE ({self.unit})")  # fmt: skip
         axes.spines[["top", "right"]].set_visible(False)
 
     def _axes(self, left: float, bottom: float, width: float, height: float) -> "Axes":

@@ -11,11 +11,14 @@ from infoplan.analyse.configurations import changed_options, option_text
 from infoplan.analyse.curves import collapse, missions, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
 from infoplan.analyse.statistics import bootstrap_mean
-from infoplan.analyse.tables import Selection, load_curves, load_maps, load_samples
+from infoplan.analyse.stretches import NO_TRUTH, load_scored_curves, read_stretches
+from infoplan.analyse.tables import Selection, load_maps, load_samples
+from infoplan.config import is_survey
 from infoplan.draw.console import INDENT, say
+from infoplan.draw.survey_table import score_lines
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError
-from infoplan.wording import figure, interval
+from infoplan.wording import counted, figure, interval
 
 PARTS = ("plan", "fit", "predict", "detect")
 """Parts of an epoch that are timed."""
@@ -38,7 +41,8 @@ def show(selection: Selection, console: Console) -> None:
     runs = list(selection.options)
     if len(runs) > 1:
         raise UsageError(f"there are {len(runs)} runs: name one, or its hash: {', '.join(runs)}")
-    curves = load_curves(selection)
+    surveyed = is_survey(selection.terrain)
+    curves = load_scored_curves(selection)
     _print_header(selection, runs[0], console)
     console.print()
     title, *plot = _curve(curves, selection, console)
@@ -46,14 +50,15 @@ def show(selection: Selection, console: Console) -> None:
     for line in plot:
         console.print(Text(line), soft_wrap=True)
     console.print()
-    _print_fields(_numbers(curves, selection), console)
+    _print_fields(_survey(selection) if surveyed else _numbers(curves, selection), console)
     if said := collapse(curves, selection.results_dir):
         say(console, said, style="yellow")
     console.print()
-    _print_fields(_further_scores(curves, selection), console)
-    console.print()
-    _print_fields(_relief(selection), console)
-    console.print()
+    if not surveyed:
+        _print_fields(_further_scores(curves, selection), console)
+        console.print()
+        _print_fields(_relief(selection), console)
+        console.print()
     _print_fields(_time(curves), console)
 
 
@@ -82,7 +87,8 @@ def _curve(curves: pd.DataFrame, selection: Selection, console: Console) -> list
         mean,
         width=min(60, max(10, console.width - 20)),
         height=10,
-        title=f"RMSE ({selection.unit})" + (f", mean of {number} seeds" if number > 1 else ""),
+        title=f"{'cross-validated ' * is_survey(selection.terrain)}RMSE ({selection.unit})"
+        + (f", mean of {number} seeds" if number > 1 else ""),
         x_label="samples",
         braille=takes_braille(console.encoding),
     )
@@ -104,6 +110,20 @@ def _numbers(curves: pd.DataFrame, selection: Selection) -> dict[str, str]:
             "false-alarm rate": _interval(summary["false_alarm_rate"]),
         }
     return fields
+
+
+def _survey(selection: Selection) -> dict[str, str]:
+    """Tell of a survey what can be told without the truth."""
+    (run, seed), samples = next(missions(load_samples(selection)))
+    silent = int(samples["measured"].isna().sum())
+    scores, filtered = score_lines(read_stretches(selection.results_dir, run, seed), selection.unit)
+    flagged = int(samples["flagged"].sum()) - silent
+    return {
+        "flagged": f"{flagged} of {counted(len(samples) - silent, 'sample')}; precision and recall "
+        f"need labels, and {NO_TRUTH}",
+        "scores": scores,
+        "without filter": filtered,
+    }
 
 
 def _further_scores(curves: pd.DataFrame, selection: Selection) -> dict[str, str]:

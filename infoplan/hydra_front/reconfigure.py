@@ -1,7 +1,7 @@
 """Overrides of ``infoplan replay``: another detector or model in a stored configuration."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -11,6 +11,8 @@ from infoplan.config import (
     REPLAY_GROUPS,
     REPLAY_HOW,
     REPLAY_OPTIONS,
+    SURVEY_HOW,
+    SURVEY_OPTIONS,
     Config,
     MissionConfig,
     validate,
@@ -19,8 +21,41 @@ from infoplan.errors import UsageError
 from infoplan.hydra_front.compose import compose
 
 
-def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> Config:
-    """Put another detector, scope or model into a stored configuration, and say how to run it.
+@dataclass(frozen=True)
+class Opening:
+    """What overrides may change besides detector, model and `REPLAY_OPTIONS`.
+
+    Attributes
+    ----------
+    what
+        That is changed, why it is not open to all, and what is: the end of a sentence.
+    options
+        Further options of the root.
+    how
+        Options that say how it is run.
+    """
+
+    what: str
+    options: tuple[str, ...] = ()
+    how: tuple[str, ...] = REPLAY_HOW
+
+
+REPLAY = Opening(
+    "replay, which keeps trajectory and measurements: change detector, model, their options or "
+    "planner.smoothing, or fly it with infoplan run"
+)
+SURVEY = Opening(
+    "survey, whose track and measurements are what they are: change detector, model, their "
+    "options, planner.smoothing or grid",
+    SURVEY_OPTIONS,
+    SURVEY_HOW,
+)
+
+
+def reconfigure(
+    config: MissionConfig, overrides: Sequence[str], opened: Opening = REPLAY
+) -> Config:
+    """Put another detector, scope or model into a configuration, and say how to run it.
 
     Parameters
     ----------
@@ -28,8 +63,10 @@ def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> Config:
         The source's.
     overrides
         Hydra's: ``detector=...`` or ``model=...`` chooses anew, with that choice's defaults;
-        ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option, ``n_jobs`` and the
-        other options of `REPLAY_HOW` say how it is run, and all else stays.
+        ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option, those of
+        `Opening.how` say how it is run, and all else stays.
+    opened
+        What else may be changed, and of what.
 
     Returns
     -------
@@ -41,7 +78,7 @@ def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> Config:
     UsageError
         If an override would change anything else, is unknown or has no possible value.
     """
-    names = [_replayable(override) for override in overrides]
+    names = names_opened(overrides, opened)
     chosen = [f"{group}={getattr(config, group).name}" for group in ("planner", *REPLAY_GROUPS)]
     kept = [choice for choice in chosen if choice.partition("=")[0] not in names]
     composed = compose([*kept, *overrides])
@@ -58,6 +95,7 @@ def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> Config:
             value = {**getattr(parts[group], option), **value}
         parts[group] = replace(parts[group], **{option: value})
     mission = {item.name: getattr(config, item.name) for item in fields(MissionConfig)} | parts
+    mission |= {name: getattr(composed, name) for name in opened.options if name in names}
     how = {name: getattr(composed, name) for name in REPLAY_HOW}
     changed = Config(**mission, **how)
     # Of the stored terrain no file is known, which a terrain that is to be loaded needs.
@@ -69,11 +107,11 @@ def reconfigure(config: MissionConfig, overrides: Sequence[str]) -> Config:
 
 def how_to_replay(overrides: Sequence[str]) -> list[str]:
     """List the overrides that say how a replay is run."""
-    return [override for override in overrides if _replayable(override) in REPLAY_HOW]
+    return [override for override in overrides if _opened(override, REPLAY) in REPLAY_HOW]
 
 
-def _replayable(override: str) -> str:
-    """Name what an override changes, if that is open to a replay."""
+def _opened(override: str, opened: Opening) -> str:
+    """Name what an override changes, if that is open."""
     try:
         parsed = OverridesParser.create().parse_override(override)
     except HydraException as error:
@@ -82,18 +120,22 @@ def _replayable(override: str) -> str:
         ) from error
     name = parsed.key_or_group
     if parsed.is_delete() or (
-        name.split(".")[0] not in REPLAY_GROUPS and name not in (*REPLAY_OPTIONS, *REPLAY_HOW)
+        name.split(".")[0] not in REPLAY_GROUPS
+        and name not in (*REPLAY_OPTIONS, *opened.how, *opened.options)
     ):
-        raise UsageError(
-            f"{override} is not open to a replay, which keeps trajectory and measurements: change "
-            "detector, model, their options or planner.smoothing, or fly it with infoplan run"
-        )
+        raise UsageError(f"{override} is not open to a {opened.what}")
     if parsed.is_sweep_override():
-        raise UsageError(f"{override} has several values: a replay takes one, so replay for each")
+        kind = opened.what.partition(",")[0]
+        raise UsageError(f"{override} has several values: a {kind} takes one, so {kind} for each")
     return name
+
+
+def names_opened(overrides: Sequence[str], opened: Opening) -> list[str]:
+    """Name what overrides change; all of it must be open."""
+    return [_opened(override, opened) for override in overrides]
 
 
 def named_functions(overrides: Sequence[str]) -> set[str]:
     """List the groups whose function is named by an override."""
-    names = map(_replayable, overrides)
+    names = names_opened(overrides, REPLAY)
     return {name.partition(".")[0] for name in names if name.endswith(".function")}

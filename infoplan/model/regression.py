@@ -225,6 +225,10 @@ class Regression:
         """Evaluate it without the gradient."""
         return self._inference.lml(theta) + self._prior.log_density(theta)[0]
 
+    def adopt(self, other: "Regression") -> None:
+        """Take the hyperparameters of another model of this kind; data and scalers stay."""
+        self._theta = other._theta.copy()
+
     def predict(self, x: np.ndarray, *, noisy: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Predictive mean and standard deviation.
 

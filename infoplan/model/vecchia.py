@@ -97,6 +97,11 @@ optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, resta
         super().optimize(iterations)
         self._inference.settle(self._theta)
 
+    def adopt(self, other: Regression) -> None:
+        """Take the hyperparameters of another one, then let the neighbours follow."""
+        super().adopt(other)
+        self._inference.settle(self._theta)
+
     def weights_and_inverse(
         self, x: np.ndarray, y: np.ndarray, chosen: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -48,8 +48,17 @@ def lay_out(name: str, values: Mapping[str, Any]) -> pa.Table:
     return completed(pa.table(list(arrays.values()), schema=pa.schema(fields)), name)
 
 
-def canonical(table: pa.Table, name: str) -> pa.Table:
+def canonical(table: pa.Table, name: str, unknown: bool = False) -> pa.Table:
     """Check the columns of a file, and give each the type that it was written with.
+
+    Parameters
+    ----------
+    table
+        As read.
+    name
+        A key of `TABLES`.
+    unknown
+        Whether nobody knows the truth: columns that need it may be null.
 
     Raises
     ------
@@ -64,7 +73,7 @@ def canonical(table: pa.Table, name: str) -> pa.Table:
         if count > 1 or (count == 0 and not column.may_be_missing):
             raise MisfitError(f"it has {count or 'no'} column{'s' * (count > 1)} {key}")
     columns = {
-        key: _converted(key, table.column(i), known.get(key))
+        key: _converted(key, table.column(i), known.get(key), unknown)
         for i, key in enumerate(table.column_names)
     }
     if len(columns) < table.num_columns:
@@ -99,7 +108,9 @@ def values_digest(table: pa.Table) -> str:
     return hashed.hexdigest()
 
 
-def _converted(name: str, column: pa.ChunkedArray, expected: Column | None) -> pa.ChunkedArray:
+def _converted(
+    name: str, column: pa.ChunkedArray, expected: Column | None, unknown: bool
+) -> pa.ChunkedArray:
     """Give a column the type of its kind; one of a version to come that of its own kind."""
     found = column.type
     if pa.types.is_dictionary(found):
@@ -108,7 +119,10 @@ def _converted(name: str, column: pa.ChunkedArray, expected: Column | None) -> p
         found = found.value_type
     for kind, is_known in READ_AS.items():
         if (expected is None or expected.kind == kind) and is_known(found):
-            if column.null_count and expected is not None and not expected.nullable:
+            demanded = expected is not None and not (
+                expected.nullable or (unknown and expected.of_truth)
+            )
+            if column.null_count and demanded:
                 raise MisfitError(f"its column {name} has {column.null_count} missing values")
             return column.cast(KINDS[kind])
     wanted = expected.kind if expected else "plain values"

@@ -1,4 +1,4 @@
-"""What a worker does: fly or replay one mission and hand back its tables, or say why not."""
+"""What a worker does: fly, replay or map a mission, and hand back its tables, or say why not."""
 
 import os
 import threading
@@ -12,10 +12,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from infoplan.backend import load_matplotlib
 from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfig, TerrainConfig
 from infoplan.errors import RunError, UsageError
 from infoplan.options import with_values
+from infoplan.samples import Samples
 from infoplan.study.identity import NUMERICS_VERSION, Run
 from infoplan.study.mission_tables import MissionTables, build_tables
 from infoplan.study.provenance import provenance
@@ -24,7 +27,7 @@ from infoplan.study.store import read_table
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:
-    from infoplan.scoring import State
+    from infoplan.scoring import CurveRow, State, StretchScore
 
 Report = Callable[[int, int, float | None], None]
 """Takes the number of a mission, the samples that it has collected, and its RMSE; at the start 0
@@ -59,13 +62,16 @@ class Task:
     run, seed, number
         Which it is.
     flown
-        Of a replay, the results folder and the run whose samples it gets; of a flight None.
+        Of a replay, the results folder and the run whose samples it gets; else None.
+    surveyed
+        The samples of a survey, by batch; else None.
     """
 
     run: Run
     seed: int
     number: int
     flown: tuple[Path, str] | None = None
+    surveyed: Samples | None = None
 
     @property
     def label(self) -> str:
@@ -125,12 +131,14 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
 
         look_again()
         with one_thread():
-            rows = []
+            rows: list[CurveRow] = []
+            stretches: list[StretchScore] = []
             for state in _states(task):
                 _end_if_forked(process)
                 rows.append(state.row)
+                stretches += state.stretches
                 report(task.number, state.row.collected, state.row.rmse)
-            tables = build_tables(task.run, task.seed, rows, state)
+            tables = build_tables(task.run, task.seed, rows, state, stretches)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -147,6 +155,15 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
 def _states(task: Task) -> Iterator["State"]:
     """Carry a task out, giving the mission's state after the pilot and each epoch."""
     config, terrain = task.run.config, task.run.terrain
+    if task.surveyed is not None:
+        from infoplan.mission import explore
+        from infoplan.source import StoredSource
+        from infoplan.terrain.relief import local_relief, thirds
+
+        unknown = np.full(config.grid, np.nan)
+        third = thirds(local_relief(unknown, terrain.extent)).ravel()
+        source = StoredSource(task.surveyed, terrain.extent, unknown.ravel(), third, labelled=False)
+        return explore(config, source, task.seed)
     if task.flown is None:
         from infoplan.mission import explore
         from infoplan.simulator import Simulator

@@ -9,10 +9,11 @@ from typing import Any
 
 from infoplan.config import (
     METHODS,
-    TERRAIN_SCHEMAS,
+    STORED_TERRAINS,
     MissionConfig,
     OwnTerrainConfig,
     TerrainConfig,
+    is_survey,
     terrain_kind,
     validate,
 )
@@ -65,17 +66,20 @@ def identify(config: MissionConfig, terrain: Terrain) -> Run:
 
 
 def run_name(science: Mapping[str, Any]) -> str:
-    """Name a run by its `science`; that of a replay begins with ``replay-``."""
-    model = science["model"]["name"]
+    """Name a run by its `science`; that of a replay begins with ``replay-``.
+
+    That of a survey has its log's name in place of the planner's.
+    """
+    model, place = science["model"]["name"], science["terrain"]["name"]
+    flown = not is_survey(place)
     return "-".join(
         [
             *(["replay"] if "replay" in science else []),
-            science["planner"]["name"],
+            *([science["planner"]["name"]] if flown else [place]),
             science["detector"]["name"],
             *([] if model == "gp" else [model]),
             *([science["fault"]["name"]] if "fault" in science else []),
-            science["terrain"]["name"],
-            f"rho{science['rho']:g}",
+            *([place, f"rho{science['rho']:g}"] if flown else []),
             science["detector"]["scope"],
             digest(science),
         ]
@@ -105,7 +109,7 @@ def resolve(config: MissionConfig, terrain: Terrain) -> MissionConfig:
 
 def _resolve_terrain(config: TerrainConfig, terrain: Terrain) -> TerrainConfig:
     """Options of the terrain that was loaded: where helens is missing, those of volcano."""
-    schema = TERRAIN_SCHEMAS[terrain_kind(terrain.name)]
+    schema = STORED_TERRAINS[terrain_kind(terrain.name)]
     resolved = schema(
         **{
             item.name: getattr(config, item.name)
@@ -167,7 +171,7 @@ def restored(science: Mapping[str, Any]) -> MissionConfig:
             elif is_dataclass(item.type):
                 schema: Any = item.type
                 if item.name == "terrain":
-                    schema = TERRAIN_SCHEMAS[terrain_kind(value["name"])]
+                    schema = STORED_TERRAINS[terrain_kind(value["name"])]
                 stored = {key: entry for key, entry in value.items() if key != "sha256"}
                 absent = {part.name for part in fields(schema)} - {*_whereabouts(schema), *stored}
                 if absent:

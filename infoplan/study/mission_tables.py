@@ -8,29 +8,40 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
+from infoplan.config import is_survey
 from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.study.columns import lay_out
 from infoplan.study.identity import Run
 
 if TYPE_CHECKING:
-    from infoplan.scoring import CurveRow, State
+    from infoplan.scoring import CurveRow, State, StretchScore
 
 
 ERRORS = ("rmse", "mae", "nlpd", "coverage95")
 """Columns of the curve that score the model."""
 
+COUNTS = ("tp", "fp", "fn", "tn")
+"""Columns of the curve that score the detector."""
+
 
 @dataclass
 class MissionTables:
-    """The three tables of a finished mission."""
+    """The tables of a finished mission; one that it has not is None."""
 
     curves: pa.Table
     samples: pa.Table
     maps: pa.Table
+    stretches: pa.Table | None = None
 
 
-def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State") -> MissionTables:
+def build_tables(
+    run: Run,
+    seed: int,
+    rows: "Sequence[CurveRow]",
+    last: "State",
+    stretches: "Sequence[StretchScore]" = (),
+) -> MissionTables:
     """Lay a finished mission out as tables: the columns of `infoplan.tables`, and what rows add.
 
     Parameters
@@ -41,6 +52,8 @@ def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State")
         Of all its states.
     last
         The last of them.
+    stretches
+        Those of all states of a survey, whose columns that need the truth are null.
 
     Raises
     ------
@@ -48,6 +61,7 @@ def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State")
         If an error is not finite though the truth is known: the model has predicted nonsense.
     """
     config, n, samples, maps = run.config, len(rows), last.samples, last.maps
+    unknown = is_survey(config.terrain.name)
     if np.isfinite(maps.truth).all():
         for row in rows:
             _demand_finite(row, method_label(config.model))
@@ -63,7 +77,8 @@ def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State")
             "curves",
             {name: [value] * n for name, value in labels.items()}
             | {"seed": [seed] * n}
-            | _columns(rows),
+            | _columns(rows)
+            | ({count: [None] * n for count in COUNTS} if unknown else {}),
         ),
         samples=lay_out(
             "samples",
@@ -76,7 +91,7 @@ def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State")
                 "truth": samples.truth,
                 "measured": samples.measured,
                 "score": samples.score,
-                "is_outlier": samples.is_outlier,
+                "is_outlier": [None] * len(samples) if unknown else samples.is_outlier,
                 "flagged": samples.flagged,
                 "used": ~samples.flagged,
             },
@@ -93,10 +108,13 @@ def build_tables(run: Run, seed: int, rows: "Sequence[CurveRow]", last: "State")
                 "outlier_density": maps.outlier_density,
             },
         ),
+        stretches=lay_out("stretches", {"seed": [seed] * len(stretches)} | _columns(stretches))
+        if stretches
+        else None,
     )
 
 
-def _columns(rows: "Sequence[CurveRow]") -> dict[str, list[Any]]:
+def _columns(rows: "Sequence[CurveRow | StretchScore]") -> dict[str, list[Any]]:
     """Turn rows into columns; a field that is a mapping gives a column for each of its names."""
     flat = [
         {name: value for item in fields(row)

@@ -33,7 +33,7 @@ MAX_ENTRIES = 100_000
 """Values of a document, at most, aliases counted as often as they stand for something."""
 
 DIGESTS = ("values_sha256", "footer_sha256")
-"""Fields in which the footers of a mission's three tables differ."""
+"""Fields in which the footers of a mission's tables differ."""
 
 BLAS = {
     "internal_api": str, "version": str | None, "architecture": str | None, "num_threads": int,
@@ -57,7 +57,7 @@ class Footer:
     schema_version
         Of the table's columns.
     mission
-        Different for each flight; common to the three tables.
+        Different for each flight; common to its tables.
     run, seed
         Whose.
     terrain
@@ -105,7 +105,7 @@ class Footer:
         return copy.deepcopy(_config(json.dumps(self.configuration)))
 
     def story(self) -> dict[str, Any]:
-        """Give what the three tables of a mission have in common."""
+        """Give what the tables of a mission have in common."""
         names = [item.name for item in fields(self) if item.name not in DIGESTS]
         return {name: getattr(self, name) for name in names}
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from infoplan.config import MissionConfig, SpikeConfig, TreeSearchConfig
+from infoplan.config import MissionConfig, SpikeConfig, TreeSearchConfig, is_survey
 from infoplan.extent import checked_extent
 from infoplan.mission import explore
 from infoplan.samples import Samples
@@ -38,20 +38,21 @@ def explore_again(
         After the pilot and after each epoch.
     """
     truth = maps["truth"].to_numpy(dtype=np.float64)
-    extent = checked_extent(config.terrain.extent)
+    extent, labelled = checked_extent(config.terrain.extent), not is_survey(config.terrain.name)
     third = thirds(local_relief(truth.reshape(config.grid), extent)).ravel()
-    source = StoredSource(stored_samples(samples), extent, truth, third)
+    source = StoredSource(stored_samples(samples), extent, truth, third, labelled)
     # A planner or fault of the user's own need not be there any more.
     flown = replace(config, planner=stand_in(config), fault=SpikeConfig(), budget=len(samples))
     return explore(flown, source, seed)
 
 
 def stored_samples(table: pd.DataFrame) -> Samples:
-    """Read the table of samples."""
+    """Read the table of samples; labels that nobody knows are False."""
     return Samples(
         x=table[["x1", "x2"]].to_numpy(dtype=np.float64),
+        is_outlier=table["is_outlier"].to_numpy(dtype=bool, na_value=False),
         **{name: table[name].to_numpy() for name in ("epoch", "heading", "truth", "measured",
-                                                     "is_outlier", "flagged", "score")},
+                                                     "flagged", "score")},
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """The result tables: a Hive-partitioned Parquet dataset with provenance in the footers.
 
-A mission's three tables become visible one after the other when all three are on the disk, its
+A mission's tables become visible one after the other when all of them are on the disk, its
 curve last: a curve means that the mission is done. `inspect` tells whether what is there is whole.
 """
 
@@ -24,6 +24,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import yaml
 
+from infoplan.config import is_survey
 from infoplan.errors import RunError, UsageError
 from infoplan.files import read_regular, remedy, writing
 from infoplan.study.columns import canonical, completed, values_digest
@@ -118,7 +119,7 @@ def seed_of(stem: str) -> int | None:
 
 
 def inspect(results_dir: Path, run: str, seed: int) -> Stored:
-    """Look whether a mission is done and its three tables are whole, belong to it and together.
+    """Look whether a mission is done and its tables are whole, belong to it and together.
 
     All values are read and compared with their digest, in a few milliseconds.
     """
@@ -203,7 +204,8 @@ def open_table(results_dir: Path, name: str, run: str, seed: int) -> tuple[pa.Ta
         footer = _footer(file)
         _demand_owner(footer, path)
         _demand_size(file.metadata, name, footer)
-        table = canonical(file.read(use_threads=False), name)
+        unknown = is_survey(footer.terrain["name"])
+        table = canonical(file.read(use_threads=False), name, unknown)
         if not pc.all(pc.equal(table["seed"], seed)).as_py():
             raise MisfitError(f"it holds other rows than those of seed {seed}")
         return completed(table, name), footer, values_digest(table)
@@ -269,7 +271,7 @@ def save_mission(
     results_dir, run, seed
         Where, and whose.
     tables
-        The three tables.
+        All of them.
     footer
         Provenance, stored as JSON in each table's Parquet metadata. What is left out of it is this
         process, now.
@@ -294,6 +296,8 @@ def save_mission(
     try:
         # The curve comes last: where it is, all of the mission is.
         for name, table in reversed(vars(tables).items()):
+            if table is None:
+                continue
             path = table_path(results_dir, name, run.name, seed)
             text = sealed({**document, "values_sha256": values_digest(table)})
             try:

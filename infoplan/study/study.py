@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from infoplan.samples import Samples
 from infoplan.study.estimate import Pace, kind_of
 from infoplan.study.flight import Task
 from infoplan.study.identity import Run
@@ -24,7 +25,9 @@ class Study:
     stored
         What was there of each mission, by run and seed, when the study began.
     flown
-        Of replays, the run whose samples they get; of flights None.
+        Of replays, the run whose samples they get; else None.
+    surveyed
+        Of a survey, its samples by batch; else None.
     pace
         Seconds of all missions in the results.
     done
@@ -42,6 +45,7 @@ class Study:
     runs: list[tuple[Run, list[int]]]
     results_dir: Path
     flown: str | None = None
+    surveyed: Samples | None = None
     stored: dict[tuple[str, int], Stored] = field(default_factory=dict)
     pace: Pace = field(default_factory=Pace)
     done: set[tuple[str, int]] = field(default_factory=set)
@@ -63,7 +67,10 @@ class Study:
         length = {name: self.pace.seconds(kind) or kind.work for name, kind in kinds.items()}
         missions.sort(key=lambda mission: -length[mission[0].name])
         flown = None if self.flown is None else (self.results_dir, self.flown)
-        return [Task(run, seed, number, flown) for number, (run, seed) in enumerate(missions)]
+        return [
+            Task(run, seed, number, flown, self.surveyed)
+            for number, (run, seed) in enumerate(missions)
+        ]
 
     def look(self) -> None:
         """See what is stored of each mission."""

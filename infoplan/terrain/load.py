@@ -30,7 +30,7 @@ from infoplan.terrain import files, grids, helens, jacksboro, own, rasters, volc
 from infoplan.terrain.grids import Ends, Floats, Grid
 from infoplan.terrain.random_field import random_field
 from infoplan.terrain.surface import Terrain, array_digest
-from infoplan.terrain.units import in_unit
+from infoplan.units import in_unit
 from infoplan.wording import figure, harmless, suggest
 
 TERRAINS = {

@@ -1,6 +1,5 @@
 """Grids of numbers in a text, a row a line."""
 
-import codecs
 import io
 import math
 import re
@@ -10,6 +9,7 @@ from itertools import islice
 
 import numpy as np
 
+from infoplan.encodings import encoding_of
 from infoplan.errors import UsageError
 from infoplan.terrain import grids, points
 from infoplan.terrain.grids import Floats
@@ -57,7 +57,7 @@ def read_text(content: bytes, what: str) -> Floats:
             f"{what} is a text of more than {MAX_TEXT} bytes: save the map as .npy, which is "
             "shorter"
         )
-    encoding = _encoding(content, what)
+    encoding = encoding_of(content, what, HELP)
     first = next(_rows(content, encoding), None)
     if first is None:
         raise UsageError(f"{what} is empty: {HELP}")
@@ -92,33 +92,6 @@ def refusal(cell: str) -> str | None:
     if NUMBER.fullmatch(cell):
         return f"{shown} is too large a number"
     return f"{shown!r} is not a number"
-
-
-def _encoding(content: bytes, what: str) -> str:
-    # Its mark begins with that of UTF-16.
-    if content.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
-        raise UsageError(f"{what} is a text in UTF-32: save it as UTF-8")
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        if not _decodes(content, "utf-16"):
-            raise UsageError(f"{what} is a damaged text in UTF-16: save it as UTF-8")
-        return "utf-16"
-    start = content[:2000]
-    if b"\0" in start:
-        zeros = [start[side::2].count(0) for side in (0, 1)]
-        if min(zeros) == 0 and max(zeros) > len(start) // 3:
-            raise UsageError(f"{what} is a text in UTF-16 without its mark: save it as UTF-8")
-        raise UsageError(f"{what} is no text: {HELP}")
-    # Whatever else it is, Latin-1 reads it, and what is no number is told.
-    return "utf-8-sig" if content.isascii() or _decodes(content, "utf-8-sig") else "latin-1"
-
-
-def _decodes(content: bytes, encoding: str) -> bool:
-    try:
-        for _ in io.TextIOWrapper(io.BytesIO(content), encoding=encoding):
-            pass
-    except UnicodeError:
-        return False
-    return True
 
 
 def _rows(content: bytes, encoding: str) -> Iterator[NumberedLine]:

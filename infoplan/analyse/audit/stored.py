@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from infoplan.config import is_survey
 from infoplan.errors import RunError
 from infoplan.study.records import Footer, MisfitError, read_science
 from infoplan.study.store import configuration_path, open_table, present_tables
@@ -134,7 +135,8 @@ class StoredMission:
     @cached_property
     def elevation_tolerance(self) -> float:
         """How far rounding may move an elevation, terrain's unit."""
-        return ROUNDING * max(1.0, float(np.abs(self.maps["truth"]).max()))
+        known = "mean" if is_survey(self.option("terrain.name")) else "truth"
+        return ROUNDING * max(1.0, float(np.abs(self.maps[known]).max()))
 
     @cached_property
     def thirds(self) -> dict[str, Booleans]:

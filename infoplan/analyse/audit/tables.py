@@ -17,6 +17,7 @@ from infoplan.analyse.audit.stored import (
     demand_close,
     is_told,
 )
+from infoplan.config import is_survey
 from infoplan.study.store import disagreement
 from infoplan.tables import DURATIONS, TABLES, Column
 
@@ -113,25 +114,29 @@ def _check_followers(mission: StoredMission) -> None:
 
 def check_values(mission: StoredMission) -> str:
     """Check that every number is finite, but for what was never given, and possible."""
-    count = 0
+    count, surveyed = 0, is_survey(mission.option("terrain.name"))
     for name, table in mission.tables.items():
         for column in TABLES[name].columns.values():
             if column.kind not in ("integer", "double") or column.gaps or column.name in DURATIONS:
                 continue
             if column.told_by and mission.is_own(column.told_by):
                 continue
+            if column.of_truth and surveyed:
+                continue
             if is_told(table, column):
                 values = table[column.name].to_numpy()
                 if column.name == "measured" and _may_be_silent(mission):
-                    values = values[mission.told | ~mission.samples["is_outlier"].to_numpy()]
+                    silent = mission.samples["flagged" if surveyed else "is_outlier"].to_numpy()
+                    values = values[mission.told | ~silent]
                 _demand_possible(f"{name}.{column.name}", values, column)
                 count += len(table) * (column.kind == "double")
     return f"{count} numbers are finite"
 
 
 def _may_be_silent(mission: StoredMission) -> bool:
-    """Tell whether an outlier of a mission may have no measurement."""
-    return mission.option("fault.name") in SILENT or mission.is_own("fault")
+    """Tell whether an outlier of a mission, or any sample of a survey, may have no measurement."""
+    surveyed = is_survey(mission.option("terrain.name"))
+    return surveyed or mission.option("fault.name") in SILENT or mission.is_own("fault")
 
 
 def _demand_possible(name: str, values: Floats, column: Column) -> None:

@@ -1,0 +1,86 @@
+"""What a survey has found, in the terminal."""
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+from rich.console import Console
+
+from infoplan.analyse.detector_check import Checked, agreement
+from infoplan.analyse.stretches import NO_TRUTH, gain, read_stretches, scores_by_epoch
+from infoplan.draw.console import INDENT, say
+from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
+from infoplan.study.store import read_table
+from infoplan.study.study import Study
+from infoplan.wording import counted, figure, interval
+
+
+def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
+    """Print what was flagged, how well the rest predicts itself, and what was written.
+
+    Parameters
+    ----------
+    study
+        Of one survey, done.
+    console
+        Where to.
+    files
+        A sentence on each file.
+    """
+    run, (seed,) = study.runs[0]
+    flagged, told = (
+        read_table(study.results_dir, "samples", run.name, seed)[name].to_numpy()
+        for name in ("flagged", "measured")
+    )
+    silent = int(pd.isna(told).sum())
+    say(console, run.name)
+    say(
+        console,
+        f"flagged: {int(flagged.sum()) - silent} of {counted(len(flagged) - silent, 'sample')}",
+        indent=INDENT,
+    )
+    stretches = read_stretches(study.results_dir, run.name, seed)
+    for line in score_lines(stretches, run.terrain.unit):
+        say(console, line, indent=INDENT)
+    for file in files:
+        say(console, file)
+    say(console, f"tables: {study.results_dir}/curves, samples, maps, stretches")
+
+
+def print_check(checked: Mapping[str, Checked], unit: str, console: Console) -> None:
+    """Print how detectors compare on a survey: planted spikes, predictions, agreement."""
+    planted = next(iter(checked.values())).planted
+    columns = [TextColumn("detector", least=WHOLE)]
+    columns += [
+        TextColumn(title, right=True)
+        for title in ("flags", "planted found", "others flagged", "change of RMSE")
+    ]
+    rows = [
+        [
+            name, str(int(one.flagged.sum())), f"{one.found} of {planted}", str(one.besides),
+            interval(one.gain.mean, one.gain.low, one.gain.high),
+        ]
+        for name, one in checked.items()
+    ]  # fmt: skip
+    title = (
+        f"Detectors on the log, and on a copy with {counted(planted, 'planted spike')}; change of "
+        f"the cross-validated RMSE in {unit or 'unit unknown'} without its flags [95 % interval]"
+    )
+    print_table(console, title, columns, rows)
+    both = agreement(checked)
+    columns = [TextColumn("flagged by both", least=WHOLE)]
+    columns += [TextColumn(str(name), right=True) for name in both]
+    rows = [[str(name), *(str(count) for count in row)] for name, row in both.iterrows()]
+    print_table(console, "Agreement: samples that two detectors flag", columns, rows)
+
+
+def score_lines(stretches: pd.DataFrame, unit: str) -> list[str]:
+    """Tell the cross-validated scores of a survey at its end."""
+    last, count = scores_by_epoch(stretches).iloc[-1], stretches["stretch"].nunique()
+    change = gain(stretches)
+    return [
+        f"RMSE ({unit or 'unit unknown'}), cross-validated, as {NO_TRUTH}: "
+        f"{figure(last['rmse'])} with each of {count} stretches of the track predicted from the "
+        f"others, {figure(last['loo_rmse']) or 'unknown'} with each sample from all others",
+        f"with flagged samples in the model: {figure(last['rmse_unfiltered'])}; leaving them out "
+        f"changes it by {interval(change.mean, change.low, change.high)} a stretch",
+    ]

@@ -1,0 +1,220 @@
+"""Surveys: a log's samples through a detector and a model, stored like any mission."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infoplan.config import (
+    Config,
+    GpResidualConfig,
+    MissionConfig,
+    SurveyedConfig,
+    VecchiaConfig,
+)
+from infoplan.errors import UsageError
+from infoplan.files import user_path
+from infoplan.mission_cost import check_mission
+from infoplan.samples import Samples
+from infoplan.study.executor import carry_out
+from infoplan.study.identity import identify
+from infoplan.study.listening import Listener
+from infoplan.study.store import prepare
+from infoplan.study.study import Study
+from infoplan.survey import SurveyLog
+from infoplan.terrain import Terrain
+from infoplan.wording import counted
+
+Floats = NDArray[np.float64]
+
+SEED = 0
+"""Of what random a detector does: a survey has one mission."""
+
+MARGIN = 0.05
+"""How far the map reaches beyond the track, shares of its longer side."""
+
+NODES = 2500
+"""About so many nodes has the map, as near to squares as can be, unless ``grid=`` is given."""
+
+STEPS_ACROSS = 20
+"""A step of the robot that would fly there is so small a part of the shorter side, at most."""
+
+
+def survey_config(log: SurveyLog, batch: str | None) -> MissionConfig:
+    """Configure the mission of a log: what its samples decide, and a survey's own defaults.
+
+    Everything is judged again after each batch (scope historical), by the Gaussian process that is
+    linear in the number of samples and the detector that asks it.
+
+    Parameters
+    ----------
+    log
+        As read.
+    batch
+        As of `batches`.
+
+    Returns
+    -------
+    MissionConfig
+        Nothing is planted: rho is 0. Planner and robot are there for later.
+    """
+    low, high = log.x.min(axis=0), log.x.max(axis=0)
+    margin = max(1.0, MARGIN * float((high - low).max()))
+    origin = np.floor(low - margin)
+    width, height = (float(side) for side in np.ceil(high + margin) - origin)
+    cell = math.sqrt(width * height / NODES)
+    steps = np.hypot(*np.diff(log.x, axis=0).T)
+    usual = float(np.median(steps[steps > 0]))
+    config = MissionConfig(
+        detector=GpResidualConfig(scope="historical"),
+        model=VecchiaConfig(),
+        terrain=SurveyedConfig(
+            name=f"survey-{log.name}",
+            extent=[0.0, width, 0.0, height],
+            unit=log.unit,
+            crs=log.crs,
+            origin=[float(side) for side in origin],
+            columns=dict(log.roles),
+            batch=batch,
+        ),
+        rho=0.0,
+        budget=len(log),
+        grid=[max(2, round(side / cell) + 1) for side in (height, width)],
+    )
+    config.robot.speed = round(min(usual, min(width, height) / STEPS_ACROSS), 6)
+    config.pilot.samples = int(np.sum(batches(log, batch) == 0))
+    return config
+
+
+def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
+    """Part a log into batches, in order of time.
+
+    The first is the pilot, to which the model's scales and first hyperparameters are fitted.
+
+    Parameters
+    ----------
+    log
+        As read.
+    batch
+        A number of samples, or of seconds, as in ``30s``; None: at once, which is all but the last
+        sample and then that one, whereupon all are judged.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The epoch of each sample, counted from 0.
+
+    Raises
+    ------
+    UsageError
+        If it is none of these, the log has no times, or the first batch cannot begin a model.
+    """
+    n = len(log)
+    if batch is None:
+        return np.where(np.arange(n) == n - 1, 1, 0)
+    found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) *(s?)", batch.strip())
+    size = float(found[1]) if found else 0.0
+    if found is None or not size or not (found[2] or size.is_integer()):
+        raise UsageError(
+            f"batch={batch} is not possible: give a number of samples like 100, or of seconds like "
+            "30s"
+        )
+    if not found[2]:
+        parts = np.arange(n) // int(size)
+    elif log.time is None:
+        raise UsageError(
+            f"batch={batch} needs times, and the log has none that are recognised: give a number "
+            "of samples, or columns={time: ...}"
+        )
+    else:
+        parts = np.floor((log.time - log.time[0]) / size)
+    epochs = np.unique(parts, return_inverse=True)[1].astype(np.int64)
+    if epochs[-1] == 0:
+        return batches(log, None)
+    first = epochs == 0
+    value = log.value[first & ~np.isnan(log.value)]
+    if len(value) < 3 or np.ptp(value) == 0 or np.any(np.ptp(log.x[first], axis=0) == 0):
+        raise UsageError(
+            f"batch={batch} is too short: the first batch has {counted(int(first.sum()), 'sample')}"
+            ", and to begin the model with they must differ in value and in position both ways; "
+            "make it longer, or leave it out"
+        )
+    return epochs
+
+
+def survey_samples(log: SurveyLog, config: MissionConfig) -> Samples:
+    """Give the samples of a log as a mission's, positions from the workspace's origin on."""
+    place, n = config.terrain, len(log)
+    return Samples(
+        epoch=batches(log, place.batch),
+        x=log.x - np.array(place.origin),
+        heading=headings(log.x),
+        truth=np.full(n, np.nan),
+        measured=log.value,
+        is_outlier=np.zeros(n, dtype=bool),
+        flagged=np.zeros(n, dtype=bool),
+        score=np.full(n, np.nan),
+    )
+
+
+def headings(x: Floats) -> Floats:
+    """Give the direction in which each position was reached, radians in [0, 2 pi).
+
+    Where nothing moved it is the one before; until something has, that of the first step.
+    """
+    steps = np.diff(x, axis=0, prepend=x[:1])
+    moved = np.flatnonzero(np.any(steps != 0, axis=1))
+    latest = moved[np.maximum(np.searchsorted(moved, np.arange(len(x)), side="right") - 1, 0)]
+    turns = np.arctan2(steps[latest, 1], steps[latest, 0])
+    return np.asarray(np.mod(turns, 2 * np.pi) % (2 * np.pi), dtype=np.float64)
+
+
+def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
+    """Judge and map a log, and store the tables as those of a mission.
+
+    Parameters
+    ----------
+    log
+        As read.
+    config
+        `survey_config`, with any detector and model; and how to run it.
+    listener
+        Is told of warnings and progress.
+
+    Returns
+    -------
+    Study
+        Of one run.
+
+    Raises
+    ------
+    UsageError
+        If the detector needs labels, the survey more memory than there is, or the results cannot
+        be written.
+    RunError
+        If a table cannot be stored.
+    """
+    if config.detector.name == "best":
+        raise UsageError(
+            "detector=best needs the true labels, which nobody has of a survey: use another"
+        )
+    if config.detector.scope == "batch" and config.terrain.batch is None:
+        raise UsageError(
+            "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
+            "leave it out and all are judged"
+        )
+    check_mission(config)
+    place = config.terrain
+    unknown = np.full((2, 2), np.nan)
+    xmin, xmax, ymin, ymax = place.extent
+    terrain = Terrain(place.name, unknown, (xmin, xmax, ymin, ymax), log.unit, log.sha256)
+    run = identify(config, terrain)
+    folder = user_path(config.results_dir)
+    prepare(folder)
+    samples = survey_samples(log, config)
+    study = Study([run.name], [(run, [SEED])], folder, surveyed=samples)
+    study.look()
+    carry_out(study, replace(config, backend="sequential", n_jobs=1), listener)
+    return study

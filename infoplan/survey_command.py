@@ -1,0 +1,101 @@
+"""What ``infoplan survey`` does: read a log, judge and map it, write what one takes away."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from infoplan.analyse.detector_check import check_detectors
+from infoplan.analyse.relief import on_grid
+from infoplan.draw.console import wide_console
+from infoplan.draw.progress import listener
+from infoplan.draw.survey_picture import draw_survey
+from infoplan.draw.survey_table import print_check, print_survey
+from infoplan.hydra_front.compose import compose
+from infoplan.hydra_front.reconfigure import SURVEY, names_opened, reconfigure
+from infoplan.study.store import read_table
+from infoplan.study.study import Study
+from infoplan.study.surveys import SEED, survey_config, survey_samples, survey_study
+from infoplan.survey import SurveyLog, read_log
+from infoplan.survey.clean import write_clean
+from infoplan.survey.geotiff import write_geotiff
+
+
+def survey(
+    results_dir: Path,
+    path: Path,
+    columns: Mapping[str, str] | None,
+    crs: str | None,
+    unit: str | None,
+    batch: str | None,
+    check: float | None,
+    overrides: Sequence[str],
+) -> int:
+    """Run ``infoplan survey``.
+
+    Parameters
+    ----------
+    results_dir
+        The folder of the tables; what one takes away lands in its ``surveys/<run>``.
+    path, columns, crs, unit
+        As of `read_log`.
+    batch
+        As of `infoplan.study.surveys.batches`.
+    check
+        As the share of `check_detectors`; None: no check.
+    overrides
+        As of `reconfigure`.
+
+    Returns
+    -------
+    int
+        1 if it has failed, else 0.
+    """
+    console = wide_console()
+    listening = listener(console)
+    names = names_opened(overrides, SURVEY)
+    compose(overrides)  # what is wrong there is told whatever the log
+    log = read_log(path, columns, crs, unit)
+    listening.say(
+        f"{path.name}: {len(log)} samples from {len(log.columns)} rows, "
+        f"{log.roles['value']} in {log.unit or 'no known unit'}, {log.crs or 'metres'}", "note",
+    )  # fmt: skip
+    for remark in log.remarks:
+        listening.say(remark, "note")
+    config = reconfigure(survey_config(log, batch), overrides, SURVEY)
+    if "detector.scope" not in names:
+        config.detector.scope = "historical"
+    config.results_dir = str(results_dir)
+    study = survey_study(log, config, listening)
+    if study.failed:
+        return 1
+    print_survey(study, console, _written(study, log))
+    if check is not None:
+        checked = check_detectors(survey_samples(log, config), config, check)
+        print_check(checked, log.unit, console)
+    return 0
+
+
+def _written(study: Study, log: SurveyLog) -> list[str]:
+    """Write the files of a survey; returns a sentence on each."""
+    run, _ = study.runs[0]
+    folder = study.results_dir / "surveys" / run.name
+    samples, maps = (
+        read_table(study.results_dir, name, run.name, SEED).to_pandas()
+        for name in ("samples", "maps")
+    )
+    clean = write_clean(
+        folder / "clean.csv", log, samples["score"].to_numpy(), samples["flagged"].to_numpy(),
+        run.science["detector"],
+    )  # fmt: skip
+    place = run.config.terrain
+    bands = {
+        "mean": (on_grid(maps, "mean"), log.unit),
+        "deviation": (on_grid(maps, "std"), log.unit),
+        "outlier density": (on_grid(maps, "outlier_density"), "flagged samples"),
+    }
+    tiff = write_geotiff(folder / "map.tif", bands, place.extent, place.origin, log.crs)
+    picture = draw_survey(samples, maps, folder, log.name, log.unit)[0]
+    return [
+        f"{clean}: all rows, with score, flagged and why",
+        tiff,
+        f"{picture}: track, flags, mean, deviation",
+    ]
