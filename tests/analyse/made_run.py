@@ -356,6 +356,13 @@ def fly(configuration: dict[str, Any], seed: int = SEED) -> dict[str, pd.DataFra
                 "lml": lml,
                 **{f"{part}_seconds": 0.1 for part in ("plan", "fit", "predict", "detect")},
                 **further_scores(mean, std, truth, clean["measured"].to_numpy(), thirds),
+                "collapsed": bool(
+                    min(
+                        state["lengthscale_1"] * (high[0] - low[0]) / 2,
+                        state["lengthscale_2"] * (high[1] - low[1]) / 2,
+                    )
+                    < configuration["robot"]["speed"]
+                ),
                 "path_length": sum(
                     math.dist(a, b) for a, b in pairwise(samples[["x1", "x2"]].to_numpy())
                 ),
