@@ -36,7 +36,7 @@ def has_collapsed(
     return None if np.isnan(smaller) else smaller < spacing * (1.0 - ROUNDING)
 
 
-def told(ends: Sequence[bool | None]) -> str:
+def collapse_sentence(ends: Sequence[bool | None]) -> str:
     """Say how many missions have ended so, and what helps.
 
     Parameters

@@ -13,7 +13,7 @@ from infoplan.analyse import load_curves, load_samples
 from infoplan.analyse.audit import audit
 from infoplan.analyse.curves import collapse
 from infoplan.cli import main
-from infoplan.collapse import has_collapsed, told
+from infoplan.collapse import collapse_sentence, has_collapsed
 
 OLD = Path(__file__).parent / "data" / "results-0.1.0"
 FIXED = ["model.pilot_iterations=0", "model.iterations=0", "detector=none", "seeds=[2,3]"]
@@ -43,9 +43,9 @@ def test_the_smaller_lengthscale_counts_in_workspace_units():
 
 
 def test_the_sentence_counts_what_is_known():
-    assert told([False, None]) == told([]) == ""
-    assert told([True, False, None, True]).startswith("2 of 3 missions end with")
-    assert told([True]).startswith("the mission ends with")
+    assert collapse_sentence([False, None]) == collapse_sentence([]) == ""
+    assert collapse_sentence([True, False, None, True]).startswith("2 of 3 missions end with")
+    assert collapse_sentence([True]).startswith("the mission ends with")
 
 
 def test_a_collapsed_mission_is_stored_told_and_audited(tmp_path, capfd):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from infoplan.analyse.configurations import default_options
 from infoplan.analyse.statistics import RESAMPLES, PairedDifference, paired_difference
 from infoplan.analyse.tables import REPLAY
-from infoplan.collapse import told
+from infoplan.collapse import collapse_sentence
 from infoplan.errors import UsageError
 from infoplan.study.stored_curves import ended_collapsed
 
@@ -97,7 +97,7 @@ def collapse(curves: pd.DataFrame, results_dir: Path) -> str:
         ended_collapsed(results_dir, run, seed, rows.iloc[-1].to_dict())
         for (run, seed), rows in missions(curves)
     ]
-    return told(ends)
+    return collapse_sentence(ends)
 
 
 def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:

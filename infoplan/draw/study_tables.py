@@ -8,7 +8,7 @@ from rich.console import Console
 
 from infoplan.analyse.configurations import Options, differing, option_text, stored_options
 from infoplan.analyse.statistics import bootstrap_mean
-from infoplan.collapse import told
+from infoplan.collapse import collapse_sentence
 from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
@@ -26,7 +26,7 @@ def print_summary(study: Study, console: Console) -> None:
     """Print RMSE along the budget, detector quality, time and failures of a study's runs."""
     curves = {run.name: stored_curves(study, run, seeds) for run, seeds in study.runs}
     _print_closing_table(study, curves, console)
-    if said := told(_ends(study, curves)):
+    if said := collapse_sentence(_ends(study, curves)):
         say(console, said, style="yellow")
     for label, reason, path in study.failed:
         say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
