@@ -7,6 +7,7 @@ from infoplan.analyse.detector_check import check_detectors
 from infoplan.analyse.relief import on_grid
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener
+from infoplan.draw.survey_page import write_survey_page
 from infoplan.draw.survey_picture import draw_survey
 from infoplan.draw.survey_table import print_check, print_survey
 from infoplan.hydra_front.compose import compose
@@ -98,4 +99,5 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
         f"{clean}: all rows, with score, flagged and why",
         tiff,
         f"{picture}: track, flags, mean, deviation",
+        write_survey_page(folder / "page.html", study, log),
     ]

@@ -27,3 +27,22 @@ def write_log(path: Path, samples: int = 80) -> Path:
     ]
     path.write_text("\n".join([HEADER.replace("stamp", "time"), *rows]) + "\n")
     return path
+
+
+HOSTILE = "depth </script><img src=1 onerror=alert(1)> $$data &lt;"
+"""Name of a column that would do something if a page took it for more than text."""
+
+
+def write_hostile_log(folder: Path, samples: int = 60) -> Path:
+    """Write a log on a plane of its own, of which names, a cell and the file would do harm."""
+    log = folder / "<script>alert(1); b.csv"
+    t = np.arange(samples)
+    depth = 9 + np.sin(t / 9) + 5 * (t == 30)
+    cells = [f"{value:.2f}" for value in depth]
+    cells[7] = "<script>alert(1)</script>"
+    rows = [
+        f"{100 * np.sin(k / 9):.2f}\t{100 * np.cos(k / 7):.2f}\t{cell}"
+        for k, cell in enumerate(cells)
+    ]
+    log.write_text("\n".join([f"x\ty\t{HOSTILE}", *rows]) + "\n")
+    return log

@@ -12,7 +12,7 @@ from infoplan.analyse.statistics import Interval, bootstrap_mean
 from infoplan.answers import checked_verdict
 from infoplan.config import METHODS, DetectorConfig, MissionConfig, SpikeConfig
 from infoplan.cross_validation import predicted_errors, stretches_of
-from infoplan.detect import Evidence
+from infoplan.detect import Evidence, Judgement
 from infoplan.errors import UsageError
 from infoplan.fault.sensed import Sensed
 from infoplan.methods import find, method_label
@@ -89,32 +89,31 @@ def check_detectors(samples: Samples, config: MissionConfig, share: float) -> di
     count = int(planted.is_outlier.sum())
     if not count:
         raise UsageError(f"check={share:g} of {len(y)} samples is no spike: make it larger")
-    detectors = _asked(config)
+    detectors = asked_detectors(config)
     with one_thread():
         model = _learned(x, y, config)
-        flags = _flags(x, y, model, detectors)
+        flags = {name: one[0] for name, one in judge_at_once(x, y, model, detectors).items()}
         gains = _gains(x, y, model, flags)
         copy = planted.measured
-        in_copy = _flags(x, copy, _learned(x, copy, config), detectors)
+        in_copy = judge_at_once(x, copy, _learned(x, copy, config), detectors)
     return {
         name: Checked(
             flags[name],
             count,
-            int(np.sum(in_copy[name] & planted.is_outlier)),
-            int(np.sum(in_copy[name] & ~planted.is_outlier)),
+            int(np.sum(in_copy[name][0] & planted.is_outlier)),
+            int(np.sum(in_copy[name][0] & ~planted.is_outlier)),
             gains[name],
         )
         for name in detectors
     }
 
 
-def agreement(checked: Mapping[str, Checked]) -> pd.DataFrame:
+def agreement(flags: Mapping[str, Booleans]) -> pd.DataFrame:
     """Count the samples that each two detectors both flag; a detector with itself: all it flags."""
-    flags = {name: one.flagged for name, one in checked.items()}
     return pd.DataFrame({a: {b: int(np.sum(flags[a] & flags[b])) for b in flags} for a in flags})
 
 
-def _asked(config: MissionConfig) -> dict[str, DetectorConfig]:
+def asked_detectors(config: MissionConfig) -> dict[str, DetectorConfig]:
     """Options of the detectors that are asked, by name, the chosen one first."""
     chosen = {method_label(config.detector): config.detector}
     others = {name: one for name, one in METHODS["detector"].items() if name not in NOT_ASKED}
@@ -129,17 +128,32 @@ def _learned(x: Floats, y: Floats, config: MissionConfig) -> Any:
     return model
 
 
-def _flags(
+def judge_at_once(
     x: Floats, y: Floats, model: Any, detectors: Mapping[str, DetectorConfig]
-) -> dict[str, Booleans]:
-    """Ask each detector about all samples."""
+) -> dict[str, Judgement]:
+    """Ask each detector about all samples, as if none had been judged before.
+
+    Parameters
+    ----------
+    x, y
+        Positions and what was measured there, shapes (n, 2) and (n,).
+    model
+        Its hyperparameters stay.
+    detectors
+        Their options by name.
+
+    Returns
+    -------
+    dict
+        Flags and scores by name.
+    """
     n = len(y)
     nothing = np.zeros(n, dtype=bool)
     evidence = Evidence(x, y, np.zeros(n, dtype=np.int64), nothing, ~nothing, None)
     return {
         name: checked_verdict(
             find("detector", options)(evidence, model, generator(SEED, "detector", 1)), n, name
-        )[0]
+        )
         for name, options in detectors.items()
     }
 

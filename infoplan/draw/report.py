@@ -1,13 +1,9 @@
 """The study as one HTML page that needs nothing besides itself."""
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from html import escape
-from importlib.metadata import version
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -21,6 +17,7 @@ from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
 from infoplan.config import is_survey
 from infoplan.draw import claims_table
+from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
 from infoplan.draw.report_data import (
     Findings,
     Panel,
@@ -34,13 +31,9 @@ from infoplan.draw.report_data import (
     run_records,
 )
 from infoplan.errors import UsageError
-from infoplan.files import writing
 from infoplan.method_identity import looks
 from infoplan.study.records import Footer
 from infoplan.wording import counted, figure, harmless
-
-PAGE = Path(__file__).with_name("report_page.html")
-"""The page; style sheet and script lie beside it."""
 
 BEYOND_PAGE = 1e100
 """An effect that large would leave no room for others on their axis."""
@@ -96,12 +89,8 @@ def write_report(selection: Selection) -> Path:
     RunError
         If a table cannot be read or the page cannot be written.
     """
-    page = render(selection)
     path = selection.results_dir / "report.html"
-    unfinished = path.with_name(f".{path.name}")
-    with writing(path):
-        unfinished.write_text(page, encoding="utf-8")
-        unfinished.replace(path)
+    write_page(path, render(selection))
     return path
 
 
@@ -137,8 +126,10 @@ def _rendered(selection: Selection) -> str:
     }
     days = sorted({footer.ended[:10] for footer in footers})
     parts = {
-        "title": _html(claims_table.heading(selection)),
-        "subtitle": _html(f"{counted(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"),
+        "title": as_html(claims_table.heading(selection)),
+        "subtitle": as_html(
+            f"{counted(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"
+        ),
         "summary": _summary(selection, panels, findings, claims),
         "finals": _finals(selection, panels, findings),
         "claims": _claims(claims, reason),
@@ -150,12 +141,8 @@ def _rendered(selection: Selection) -> str:
         "places": _places(places, selection, unjudged),
         "runs": _runs(selection, findings, footers),
         "provenance": _provenance(selection, footers),
-        "data": _embedded(data),
-        "style": PAGE.with_suffix(".css").read_text(encoding="utf-8"),
-        "script": PAGE.with_suffix(".js").read_text(encoding="utf-8"),
-        "version": _html(version("infoplan")),
     }
-    return Template(PAGE.read_text(encoding="utf-8")).substitute(parts)
+    return fill_page("report_page", data, parts)
 
 
 def _judged(selection: Selection) -> tuple[list[Claim], str]:
@@ -190,21 +177,10 @@ def _dash(dashes: Sequence[float]) -> str:
     return " ".join(f"{2 * length:g}" for length in dashes)
 
 
-def _html(text: object) -> str:
-    """Write any text so that a page shows it, and it is nothing but text."""
-    return escape(harmless(text))
-
-
 def _first(candidates: Sequence[dict[str, Any]], wanted: dict[str, str]) -> int:
     """Index of the first candidate that has the wanted entries, else 0."""
     fits = (i for i, one in enumerate(candidates) if wanted.items() <= one.items())
     return next(fits, 0)
-
-
-def _embedded(data: Any) -> str:
-    """Write data as JSON that cannot end the element it stands in."""
-    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 # The sections: HTML in which every text is escaped.
@@ -240,13 +216,13 @@ def _summary(
     )
     lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
     lines += [findings.collapse] if findings.collapse else []
-    cautions = [f"<p>{_html(_sentence(line))}</p>" for line in lines]
+    cautions = [f"<p>{as_html(sentence(line))}</p>" for line in lines]
     return (
-        "".join(f"<p>{_html(text)}</p>" for text in introduction)
+        "".join(f"<p>{as_html(text)}</p>" for text in introduction)
         + (f"<p>Of the paper's {len(claims)} claims:</p>" if claims else "")
         + (f'<ul class="verdicts">{told}</ul>' if claims else "")
         + "<p>In words:</p>"
-        + f"<ul>{''.join(f'<li>{_html(text)}</li>' for text in points)}</ul>"
+        + f"<ul>{''.join(f'<li>{as_html(text)}</li>' for text in points)}</ul>"
         + (f'<div class="note">{"".join(cautions)}</div>' if cautions else "")
     )
 
@@ -274,7 +250,7 @@ def _gaps(panels: Sequence[Panel], findings: Findings) -> list[str]:
 
 
 def _anchor(claim: str) -> str:
-    return f'<a href="#{_html(claim)}">{_html(claim)}</a>'
+    return f'<a href="#{as_html(claim)}">{as_html(claim)}</a>'
 
 
 def _papers_own(panels: Sequence[Panel]) -> Panel:
@@ -327,7 +303,7 @@ def _finals(selection: Selection, panels: Sequence[Panel], findings: Findings) -
         rows = [[method, *(_number_of(panel, method, name, findings) for panel in panels)]
                 for method in methods]  # fmt: skip
         headings = ["method", *(panel.title for panel in panels)]
-        tables.append(_table(headings, rows, caption=f"{what} ({selection.unit})"))
+        tables.append(html_table(headings, rows, caption=f"{what} ({selection.unit})"))
     return "".join(tables)
 
 
@@ -338,26 +314,26 @@ def _number_of(panel: Panel, method: str, name: str, findings: Findings) -> str:
 
 
 def _claims(claims: Sequence[Claim], reason: str) -> str:
-    told = f'<div class="note"><p>{_html(_sentence(reason))}</p></div>' if reason else ""
+    told = f'<div class="note"><p>{as_html(sentence(reason))}</p></div>' if reason else ""
     if not claims:
         return told
     scales = _scales(claims)
     headings = ("claim, and what was compared", "effect [95 %]", "", "stated", "seeds", "verdict")
-    head = "".join(f'<th role="columnheader" scope="col">{_html(text)}</th>' for text in headings)
+    head = "".join(f'<th role="columnheader" scope="col">{as_html(text)}</th>' for text in headings)
     lacking: dict[str, list[str]] = {}
     for claim in claims:
         if claim.commands:
             lacking.setdefault(" && ".join(claim.commands), []).append(claim.name)
     notes = "".join(
-        f"<p>Runs are lacking for {_html(', '.join(names))}; make them with "
-        f"<code>{_html(command)}</code></p>"
+        f"<p>Runs are lacking for {as_html(', '.join(names))}; make them with "
+        f"<code>{as_html(command)}</code></p>"
         for command, names in lacking.items()
     )
     return (
         "<p>A claim is supported if every comparison it names has its 95 % interval on the side "
         "stated, contradicted if one lies wholly on the other side, else undecided. Differences "
         "are paired by seed. In the small pictures the shaded side is the one stated; all that "
-        f"have one unit have one scale: {_html(_scale_words(scales))}.</p>{told}"
+        f"have one unit have one scale: {as_html(_scale_words(scales))}.</p>{told}"
         f'<table class="claims" role="table"><thead role="rowgroup"><tr role="row">{head}</tr>'
         f"</thead>{''.join(_claim(claim, scales) for claim in claims)}</table>"
         + (f'<div class="note">{notes}</div>' if notes else "")
@@ -367,20 +343,20 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
 def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
     advice = claims_table.advice(claim)
     rows = [
-        f'<tr class="claim" role="row" id="{_html(claim.name)}">'
-        f'<th role="rowheader" scope="rowgroup" colspan="5">{_html(f"{claim.name}: {claim.text}")}'
-        + (f'<br><span class="muted">{_html(_sentence(advice))}</span>' if advice else "")
+        f'<tr class="claim" role="row" id="{as_html(claim.name)}">'
+        f'<th role="rowheader" scope="rowgroup" colspan="5">{as_html(f"{claim.name}: {claim.text}")}'
+        + (f'<br><span class="muted">{as_html(sentence(advice))}</span>' if advice else "")
         + f'</th><td role="cell">{_chip(claim.verdict)}</td></tr>'
     ]
     for item in claim.comparisons:
         side = claims_table.stated(item.stated, item.unit)
         cells = (
-            ("compared", "", _html(item.what)),
-            ("number", "", _html(claims_table.effect(item))),
+            ("compared", "", as_html(item.what)),
+            ("number", "", as_html(claims_table.effect(item))),
             ("picture", "", _whisker(item, scales)),
-            ("number", "stated", _html(side)),
+            ("number", "stated", as_html(side)),
             ("number", "seeds", str(item.effect.n)),
-            (item.verdict, "", _html(item.verdict)),
+            (item.verdict, "", as_html(item.verdict)),
         )
         # On a narrow screen the cells stand below each other: the labels take the headings' place.
         made = (f'<td role="cell" class="{k}" data-label="{t}">{html}</td>' for k, t, html in cells)
@@ -389,7 +365,7 @@ def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
 
 
 def _chip(verdict: str) -> str:
-    return f'<span class="chip {_html(verdict)}">{_html(verdict)}</span>'
+    return f'<span class="chip {as_html(verdict)}">{as_html(verdict)}</span>'
 
 
 def _unit(item: Comparison) -> str:
@@ -445,7 +421,7 @@ def _detector(
     quality: dict[str, Any], panels: Sequence[Panel], findings: Findings, reason: str
 ) -> str:
     if not quality["panels"]:
-        return f"<p>{_html(reason)}</p>"
+        return f"<p>{as_html(reason)}</p>"
     rows = []
     for panel in panels:
         for method, run in panel.judging.items():
@@ -464,14 +440,14 @@ def _detector(
         '<select id="quality-choice"></select><div class="legend" data-legend="quality" '
         'role="group" aria-label="Lines shown"></div></div>'
         '<div class="panels" id="quality-panels"></div>'
-        + _table(headings, rows, caption="Over the whole mission")
+        + html_table(headings, rows, caption="Over the whole mission")
     )
 
 
 def _places(places: dict[str, Any], selection: Selection, reason: str) -> str:
     if not places["runs"]:
-        return f"<p>{_html(reason)}</p>"
-    unit = _html(selection.unit)
+        return f"<p>{as_html(reason)}</p>"
+    unit = as_html(selection.unit)
     headings = ("land", f"local relief ({unit})", f"final RMSE ({unit})", "false-alarm rate")
     head = "".join(f'<th scope="col">{text}</th>' for text in headings)
     return (
@@ -506,7 +482,7 @@ def _runs(selection: Selection, findings: Findings, footers: Sequence[Footer]) -
     took = f"{hours} h {minutes} min" if hours else f"{minutes} min"
     return (
         f"<p>The missions took {took} one after the other; the seconds are the median of a run's. "
-        "The headings sort.</p>" + _table(headings, rows, sortable=True)
+        "The headings sort.</p>" + html_table(headings, rows, sortable=True)
     )
 
 
@@ -514,11 +490,11 @@ def _provenance(selection: Selection, footers: Sequence[Footer]) -> str:
     entries = []
     for name, values in provenance_facts(footers).items():
         lines = [
-            f"<code>{_html(value)}</code>"
+            f"<code>{as_html(value)}</code>"
             + ("" if len(values) == 1 else f" ({counted(count, 'mission')})")
             for value, count in values.most_common()
         ]
-        entries.append(f"<dt>{_html(name)}</dt><dd>{'<br>'.join(lines)}</dd>")
+        entries.append(f"<dt>{as_html(name)}</dt><dd>{'<br>'.join(lines)}</dd>")
     changed: dict[str, list[str]] = {}
     for flat in selection.options.values():
         for name, value in changed_options(flat).items():
@@ -528,37 +504,11 @@ def _provenance(selection: Selection, footers: Sequence[Footer]) -> str:
     for name in ("terrain.name", "terrain.sha256", "terrain.unit", "numerics_version"):
         changed.pop(name, None)  # no options, or told above
     options = ", ".join(f"{name}={' or '.join(values)}" for name, values in changed.items())
-    told = f"<code>{_html(options)}</code>, the others" if options else "all"
+    told = f"<code>{as_html(options)}</code>, the others" if options else "all"
     entries.append(f"<dt>options</dt><dd>{told} as they come</dd>")
     return (
         "<p>From the footers of the tables, which hold each run's whole configuration, too.</p>"
         f"<dl>{''.join(entries)}</dl>"
-    )
-
-
-def _table(
-    headings: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    *,
-    caption: str = "",
-    sortable: bool = False,
-) -> str:
-    """Lay texts out as a table, numbers from the second column on; too wide, it scrolls."""
-    first, *others = headings
-    head = f'<th scope="col">{_html(first)}</th>' + "".join(
-        f'<th scope="col" class="number">{_html(text)}</th>' for text in others
-    )
-    body = "".join(
-        f'<tr><th scope="row">{_html(name)}</th>'
-        + "".join(f'<td class="number">{_html(text)}</td>' for text in numbers)
-        + "</tr>"
-        for name, *numbers in rows
-    )
-    title = f"<caption>{_html(caption)}</caption>" if caption else ""
-    kind = ' class="sortable"' if sortable else ""
-    return (
-        f'<div class="scroll" role="region" aria-label="{_html(caption or first)}" tabindex="0">'
-        f"<table{kind}>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
@@ -603,7 +553,3 @@ def _percent(share: float) -> str:
 def _option(value: Any) -> str:
     """Write an option's value; a run that has not the option gets a dash."""
     return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":")) else ".")

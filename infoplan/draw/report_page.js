@@ -1,52 +1,9 @@
-"use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const methods = new Map(data.methods.map((method) => [method.name, method]));
   const hidden = new Set(data.methods.filter((method) => !method.shown).map((method) => method.name));
   const groups = [];
   let singleSeeds = false;
-
-  // Building blocks. Text reaches the page as text nodes alone, never as markup.
-
-  function element(name, attributes = {}, ...children) {
-    return fill(document.createElement(name), attributes, children);
-  }
-
-  function svg(name, attributes = {}, ...children) {
-    return fill(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
-  }
-
-  function fill(node, attributes, children) {
-    for (const [key, value] of Object.entries(attributes)) {
-      if (key === "colour") node.style.setProperty("--colour", value);
-      else node.setAttribute(key, value);
-    }
-    node.append(...children);
-    return node;
-  }
-
-  function shown(value) {
-    if (value === null || value === undefined) return "–";
-    if (value === 0) return "0";
-    // Three significant digits, and none before the point lost.
-    const size = Math.abs(Number(value.toPrecision(3)));
-    if (size >= 1e7 || size < 1e-3) return value.toExponential(2);
-    return value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
-  }
-
-  function press(button, on) {
-    button.setAttribute("aria-pressed", String(on));
-  }
-
-  // Whole steps of 1, 2 or 5 times a power of ten, from low up to high.
-  function ticks(low, high, about) {
-    const rough = (high - low) / about || 1;
-    const power = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map((unit) => unit * power).find((one) => one >= rough * 0.999);
-    const found = [];
-    for (let k = Math.ceil(low / step - 1e-9); k * step <= high * (1 + 1e-9); k++) found.push(k * step);
-    return found;
-  }
 
   // Path along points; a missing value interrupts it.
   function path(points) {
@@ -440,54 +397,6 @@
   const cross = ([x, y]) => `M${x - 2} ${y - 2}l4 4m0-4l-4 4`;
   const disc = ([x, y]) => `M${x - 2} ${y}a2 2 0 1 0 4 0a2 2 0 1 0-4 0z`;
   const triangle = ([x, y]) => `M${x - 2.4} ${y - 1.8}h4.8l-2.4 4.2z`;
-
-  // Tables whose headings sort them.
-  function sorting() {
-    for (const table of document.querySelectorAll("table.sortable")) {
-      const headings = [...table.tHead.rows[0].cells];
-      headings.forEach((heading, column) => {
-        const button = element("button", { type: "button" }, ...heading.childNodes);
-        heading.replaceChildren(button);
-        button.addEventListener("click", () => {
-          const up = heading.getAttribute("aria-sort") !== "ascending";
-          for (const other of headings) other.removeAttribute("aria-sort");
-          heading.setAttribute("aria-sort", up ? "ascending" : "descending");
-          const text = (row) => row.cells[column].textContent;
-          const compare = (a, b) => parseFloat(text(a)) - parseFloat(text(b)) || text(a).localeCompare(text(b));
-          const rows = [...table.tBodies[0].rows].sort((a, b) => compare(a, b) * (up ? 1 : -1));
-          table.tBodies[0].append(...rows);
-        });
-      });
-    }
-  }
-
-  function theme() {
-    const root = document.documentElement;
-    const button = document.getElementById("theme");
-    const system = matchMedia("(prefers-color-scheme: dark)");
-    const dark = () => (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
-    button.hidden = false;
-    press(button, dark());
-    system.addEventListener("change", () => press(button, dark()));
-    button.addEventListener("click", () => {
-      root.dataset.theme = dark() ? "light" : "dark";
-      press(button, dark());
-    });
-  }
-
-  // Paper has nothing to click: folded parts are printed open.
-  function printing() {
-    const folded = [];
-    addEventListener("beforeprint", () => {
-      for (const part of document.querySelectorAll("details:not([open])")) {
-        part.open = true;
-        folded.push(part);
-      }
-    });
-    addEventListener("afterprint", () => {
-      while (folded.length) folded.pop().open = false;
-    });
-  }
 
   theme();
   curves();

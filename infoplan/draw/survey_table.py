@@ -66,7 +66,7 @@ def print_check(checked: Mapping[str, Checked], unit: str, console: Console) -> 
         f"the cross-validated RMSE in {unit or 'unit unknown'} without its flags [95 % interval]"
     )
     print_table(console, title, columns, rows)
-    both = agreement(checked)
+    both = agreement({name: one.flagged for name, one in checked.items()})
     columns = [TextColumn("flagged by both", least=WHOLE)]
     columns += [TextColumn(str(name), right=True) for name in both]
     rows = [[str(name), *(str(count) for count in row)] for name, row in both.iterrows()]

@@ -1,6 +1,6 @@
 """Regression with a Gaussian process as a mission uses it: scaled data, kept hyperparameters."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from types import SimpleNamespace
 from typing import Protocol
@@ -17,6 +17,7 @@ from infoplan.model.theta import (
     hyperparameters_of,
     lengthscale_floors,
     noise_variance_of,
+    theta_of,
     with_noise_variance,
 )
 
@@ -228,6 +229,16 @@ class Regression:
     def adopt(self, other: "Regression") -> None:
         """Take the hyperparameters of another model of this kind; data and scalers stay."""
         self._theta = other._theta.copy()
+
+    def recall(self, hyperparameters: Mapping[str, float]) -> None:
+        """Take hyperparameters that were told before; data and scalers stay.
+
+        Parameters
+        ----------
+        hyperparameters : mapping
+            All of `Regression.hyperparameters`, as the row of a curve has them.
+        """
+        self._theta = theta_of(self._kernel, hyperparameters)
 
     def predict(self, x: np.ndarray, *, noisy: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Predictive mean and standard deviation.

@@ -4,6 +4,7 @@ All are in scaled units; alpha^2 is the variance of the latent function, sigma^2
 (for Student-t noise the squared scale). Nothing else knows where in theta which of them stands.
 """
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -43,6 +44,13 @@ def first_theta(
     """Return theta of the start values; those below 1e-20 count as 1e-20."""
     own = [lengthscale if one.start is None else one.start for one in kernel.hyperparameters]
     theta: np.ndarray = np.log(np.maximum([amplitude, *own, noise_variance], 1e-20))
+    return theta
+
+
+def theta_of(kernel: Kernel, hyperparameters: Mapping[str, float]) -> np.ndarray:
+    """Return theta of hyperparameters by their names, the reverse of `hyperparameters_of`."""
+    theta: np.ndarray = np.log([hyperparameters[name] for name in names_of(kernel)])
+    theta[-1] *= 2.0  # sigma^2
     return theta
 
 

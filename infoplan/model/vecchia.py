@@ -1,6 +1,6 @@
 """The Gaussian process with Gaussian noise, conditioned on nearest neighbours alone."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -100,6 +100,11 @@ optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, resta
     def adopt(self, other: Regression) -> None:
         """Take the hyperparameters of another one, then let the neighbours follow."""
         super().adopt(other)
+        self._inference.settle(self._theta)
+
+    def recall(self, hyperparameters: Mapping[str, float]) -> None:
+        """Take hyperparameters that were told before, then let the neighbours follow."""
+        super().recall(hyperparameters)
         self._inference.settle(self._theta)
 
     def weights_and_inverse(

@@ -1,0 +1,93 @@
+"""What the HTML pages share: text that cannot become markup, data that cannot end its element."""
+
+import json
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from infoplan.files import writing
+from infoplan.wording import harmless
+
+HERE = Path(__file__).parent
+
+
+def fill_page(name: str, data: Any, parts: dict[str, str]) -> str:
+    """Put a page together that needs nothing besides itself.
+
+    Parameters
+    ----------
+    name
+        Of its template, style sheet and script beside this module; they follow those of all pages.
+    data
+        What the script reads: anything that JSON knows, without NaN.
+    parts
+        HTML for the template's places, every text in it escaped.
+    """
+    both = ("page", name)
+    return Template((HERE / f"{name}.html").read_text(encoding="utf-8")).substitute(
+        parts,
+        data=embedded(data),
+        style="\n".join((HERE / f"{one}.css").read_text(encoding="utf-8") for one in both),
+        script="\n".join((HERE / f"{one}.js").read_text(encoding="utf-8") for one in both),
+        version=as_html(version("infoplan")),
+    )
+
+
+def write_page(path: Path, page: str) -> None:
+    """Write a page, whole or not at all.
+
+    Raises
+    ------
+    RunError
+        If it cannot be written.
+    """
+    unfinished = path.with_name(f".{path.name}")
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.write_text(page, encoding="utf-8")
+        unfinished.replace(path)
+
+
+def as_html(text: object) -> str:
+    """Write any text so that a page shows it, and it is nothing but text."""
+    return escape(harmless(text))
+
+
+def embedded(data: Any) -> str:
+    """Write data as JSON that cannot end the element it stands in."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def html_table(
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    caption: str = "",
+    sortable: bool = False,
+) -> str:
+    """Lay texts out as a table, numbers from the second column on; too wide, it scrolls."""
+    first, *others = headings
+    head = f'<th scope="col">{as_html(first)}</th>' + "".join(
+        f'<th scope="col" class="number">{as_html(text)}</th>' for text in others
+    )
+    body = "".join(
+        f'<tr><th scope="row">{as_html(name)}</th>'
+        + "".join(f'<td class="number">{as_html(text)}</td>' for text in numbers)
+        + "</tr>"
+        for name, *numbers in rows
+    )
+    title = f"<caption>{as_html(caption)}</caption>" if caption else ""
+    kind = ' class="sortable"' if sortable else ""
+    return (
+        f'<div class="scroll" role="region" aria-label="{as_html(caption or first)}" tabindex="0">'
+        f"<table{kind}>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def sentence(text: str) -> str:
+    """Begin with a capital and end with a full stop."""
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":")) else ".")

@@ -1,0 +1,178 @@
+"""The numbers behind a survey's page: layers, samples and verdicts, packed."""
+
+import base64
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from infoplan.analyse.relief import grid_of, on_grid
+from infoplan.analyse.verdicts import Verdict
+from infoplan.backend import load_matplotlib
+from infoplan.config import SurveyedConfig
+from infoplan.draw import style
+from infoplan.survey import SurveyLog
+from infoplan.survey.names import BRACKETS
+from infoplan.survey.projection import to_degrees
+from infoplan.wording import harmless
+
+Floats = NDArray[np.float64]
+
+COLOURS = 64
+"""Of a colour map, from its low end to its high one."""
+
+DEGREE = 4
+"""Of the polynomials that give latitude and longitude."""
+
+LAYERS = {
+    "mean": ("mean", "mean", style.ELEVATION),
+    "deviation": ("deviation", "std", style.DEVIATION),
+    "density": ("outlier density", "outlier_density", style.DENSITY),
+}
+"""Title, column of the map and colour map of each layer."""
+
+
+def page_data(
+    samples: pd.DataFrame,
+    rows: NDArray[np.int64],
+    maps: pd.DataFrame,
+    verdicts: Mapping[str, Verdict],
+    log: SurveyLog,
+    place: SurveyedConfig,
+) -> dict[str, Any]:
+    """Gather what the page's script reads.
+
+    Parameters
+    ----------
+    samples, maps
+        The survey's tables; of the samples those that have a value, shape (n, ...).
+    rows
+        Rows of the log's columns that they are, shape (n,).
+    verdicts
+        By the detector's name.
+    log, place
+        As read, and the options of its terrain.
+
+    Returns
+    -------
+    dict
+        Positions are metres from ``origin``. Arrays are text (`packed`): single precision, but for
+        the samples' values (double), rows (32-bit integers, counted from 1) and flags (bytes).
+    """
+    unit, grid = harmless(log.unit), grid_of(maps)
+    ends = {"mean": unit, "deviation": unit, "density": "flagged samples"}
+    return {
+        "value": _value_name(log),
+        "unit": unit,
+        "crs": None if log.crs is None else harmless(log.crs),
+        "origin": list(place.origin),
+        "extent": list(grid.extent),
+        "degrees": None if log.crs is None else degrees(grid.extent, place.origin, log.crs),
+        "grid": {"rows": grid.shape[0], "columns": grid.shape[1]},
+        "layers": [
+            {
+                "name": name,
+                "title": title,
+                "unit": ends[name],
+                **_layer(on_grid(maps, column), map_),
+            }
+            for name, (title, column, map_) in LAYERS.items()
+        ],
+        "samples": {
+            "x": packed(samples["x1"], "<f4"),
+            "y": packed(samples["x2"], "<f4"),
+            "value": packed(samples["measured"], "<f8"),
+            "row": packed(rows + 1, "<i4"),
+            "time": _times(log, rows),
+        },
+        "detectors": [
+            {
+                "name": harmless(name),
+                "threshold": one.threshold,
+                "flagged": packed(one.flagged, "u1"),
+                "score": packed(one.score, "<f4"),
+                "expected": packed(one.expected, "<f4"),
+            }
+            for name, one in verdicts.items()
+        ],
+    }
+
+
+def packed(values: Any, kind: str) -> str:
+    """Write numbers as text: base 64 of their bytes, as a type of numpy has them."""
+    with np.errstate(over="ignore"):  # beyond single precision is infinite
+        return base64.b64encode(np.asarray(values).astype(kind).tobytes()).decode()
+
+
+def degrees(extent: tuple[float, float, float, float], origin: Any, crs: str) -> dict[str, Any]:
+    """Fit polynomials that turn a place of the map into degrees.
+
+    Parameters
+    ----------
+    extent
+        xmin, xmax, ymin, ymax, metres from the origin.
+    origin
+        Easting and northing.
+    crs
+        Of these.
+
+    Returns
+    -------
+    dict
+        ``lat`` and ``lon``, coefficients [i][j] of u^i v^j, where u and v run from -1 to 1 across
+        the map, eastwards and northwards. A longitude may be beyond 180.
+    """
+    xmin, xmax, ymin, ymax = extent
+    nodes = np.polynomial.chebyshev.chebpts1(2 * DEGREE + 2)
+    u, v = (side.ravel() for side in np.meshgrid(nodes, nodes))
+    x = np.column_stack([
+        origin[0] + (xmin + xmax + u * (xmax - xmin)) / 2,
+        origin[1] + (ymin + ymax + v * (ymax - ymin)) / 2,
+    ])  # fmt: skip
+    lat, lon = to_degrees(x, crs)
+    around = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0  # across 180 degrees without a jump
+    basis = np.polynomial.polynomial.polyvander2d(u, v, [DEGREE, DEGREE])
+    found = {
+        name: np.linalg.lstsq(basis, angle, rcond=None)[0].reshape(DEGREE + 1, DEGREE + 1).tolist()
+        for name, angle in (("lat", lat), ("lon", around))
+    }
+    return found
+
+
+def _layer(values: Floats, colour_map: str) -> dict[str, Any]:
+    """Describe a layer of the map: its values, the south first, and its colours."""
+    load_matplotlib()
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    colours = colormaps[colour_map](np.linspace(0, 1, COLOURS))
+    return {
+        "values": packed(values, "<f4"),
+        "low": float(values.min()),
+        "high": float(values.max()),
+        "palette": [to_hex(colour) for colour in colours],
+    }
+
+
+def _value_name(log: SurveyLog) -> str:
+    """Name the column of values, without the unit."""
+    name = log.roles["value"]
+    found = BRACKETS.fullmatch(name)
+    return _short(found[1] if found and found[1] else name)
+
+
+def _times(log: SurveyLog, rows: NDArray[np.int64]) -> list[str] | None:
+    """Give the times of samples as the log has them; None without such a column."""
+    names = [log.roles[role] for role in ("date", "time") if role in log.roles]
+    if not names:
+        return None
+    cells = log.columns[names].iloc[rows].astype(str)
+    return [_short(" ".join(row)) for row in cells.itertuples(index=False)]
+
+
+def _short(text: str) -> str:
+    """Write text of unknown origin, not longer than a line of the page can be."""
+    shown = harmless(text)
+    return shown if len(shown) <= style.LONGEST else f"{shown[: style.LONGEST - 1]}…"
