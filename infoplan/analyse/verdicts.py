@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from infoplan.analyse.detector_check import asked_detectors, judge_at_once
 from infoplan.belief import LEAST
-from infoplan.config import DetectorConfig, MissionConfig
+from infoplan.config import CopodConfig, DetectorConfig, MissionConfig, QartodConfig
 from infoplan.cross_validation import MOST_LEFT_OUT
 from infoplan.methods import find, method_label
 from infoplan.mission_cost import DETECTOR_PAIR_BYTES
@@ -162,9 +162,10 @@ def _as_it_ended(samples: pd.DataFrame, last: Mapping[str, Any], config: Mission
 
 def _threshold(options: DetectorConfig, flagged: Booleans, score: Floats) -> float | None:
     """Find the number above which a detector flags; None if its flags do not follow one."""
-    if options.name == "copod":  # its percentile, as `infoplan.detect.copod` takes it
+    limit = getattr(options, "threshold", None)
+    if isinstance(options, CopodConfig):  # its percentile, as `infoplan.detect.copod` takes it
         limit = float(np.percentile(score, 100 * (1 - options.contamination)))
-    else:
-        limit = {"qartod": 1.0}.get(options.name, getattr(options, "threshold", None))
+    elif isinstance(options, QartodConfig):
+        limit = 1.0
     follows = limit is not None and np.array_equal(flagged, score > limit)
-    return limit if follows else None
+    return float(limit) if limit is not None and follows else None

@@ -1,7 +1,7 @@
 """The study as one HTML page that needs nothing besides itself."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -344,7 +344,8 @@ def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
     advice = claims_table.advice(claim)
     rows = [
         f'<tr class="claim" role="row" id="{as_html(claim.name)}">'
-        f'<th role="rowheader" scope="rowgroup" colspan="5">{as_html(f"{claim.name}: {claim.text}")}'
+        '<th role="rowheader" scope="rowgroup" colspan="5">'
+        + as_html(f"{claim.name}: {claim.text}")
         + (f'<br><span class="muted">{as_html(sentence(advice))}</span>' if advice else "")
         + f'</th><td role="cell">{_chip(claim.verdict)}</td></tr>'
     ]

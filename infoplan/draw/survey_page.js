@@ -125,6 +125,7 @@
     canvas.style.width = `${view.width}px`;
     canvas.style.height = `${view.height}px`;
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.lineCap = "round";
     if (view.whole) Object.assign(view, { x: (xmin + xmax) / 2, y: (ymin + ymax) / 2, scale: fitting() });
     paint();
   }
@@ -213,7 +214,8 @@
 
   function paintSamples(chosen) {
     const size = Math.min(5.5, Math.max(2.2, 1.6 * Math.sqrt(view.scale / fitting()) + 1));
-    pen.strokeStyle = "rgb(16 32 46 / 0.75)";
+    // The outline stands out from what lies below, whatever the colour of the sample.
+    pen.strokeStyle = { deviation: "rgb(255 255 255 / 0.85)", none: "rgb(127 134 143)" }[layer.name] ?? "rgb(16 32 46 / 0.75)";
     pen.lineWidth = 0.8;
     for (const i of chosen) {
       const [left, top] = toScreen(x[i], y[i]);
@@ -234,7 +236,6 @@
       pen.lineTo(left - 5, top + 5);
       pen.lineWidth = width;
       pen.strokeStyle = colour;
-      pen.lineCap = "round";
       pen.stroke();
     }
   }

@@ -53,8 +53,8 @@ def write_survey_page(path: Path, study: Study, log: SurveyLog) -> str:
     own = next(iter(verdicts))
     data = page_data(samples, rows, maps, verdicts, log, run.config.terrain)
     data["belongs"] = (
-        f"The map is that of {own}, with which the survey was done: another choice shows the flags, "
-        "scores and expected values of another detector on the same map."
+        f"The map is that of {own}, with which the survey was done: another choice shows the "
+        "flags, scores and expected values of another detector on the same map."
     )
     where = f"the plane {log.crs}" if log.crs else "a plane of the log's own"
     parts = {
@@ -93,10 +93,10 @@ def _detectors(verdicts: Mapping[str, Verdict], remarks: Sequence[str]) -> str:
     )
     return (
         f"<p>{as_html(own)} is the survey's own detector, as in <code>clean.csv</code>."
-        f"{as_html(asked)} The expected value of a sample is what the model predicts there from all "
-        "samples that the detector keeps, that sample itself left out; with another detector it is "
-        "another. Scores above the threshold are flagged; where there is none, flags do not follow "
-        "one number.</p>"
+        f"{as_html(asked)} The expected value of a sample is what the model predicts there from "
+        "all samples that the detector keeps, that sample itself left out; with another detector "
+        "it is another. Scores above the threshold are flagged; where there is none, flags do not "
+        "follow one number.</p>"
         + "".join(f'<p class="note">{as_html(sentence(one))}</p>' for one in remarks)
         + html_table(["detector", "flags", "no other flags", "threshold"], rows,
                      caption="What each detector flags")
