@@ -29,7 +29,7 @@ def rows(lines: list[str]) -> list[list[str]]:
 
 def table_of_the_page(head: list[str]) -> list[list[str]]:
     """Find the table of the page that has this head."""
-    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    lines = [*PAGE.read_text(encoding="utf-8").splitlines(), ""]
     start = next(i for i, line in enumerate(lines) if rows([line]) == [head])
     end = next(i for i in range(start, len(lines)) if not lines[i].startswith("|"))
     return rows(lines[start:end])
