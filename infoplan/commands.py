@@ -348,25 +348,30 @@ def figures(
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="write them for scripts")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
+@click.option("--csv", "as_csv", is_flag=True, help="write what is compared, seed by seed")
 def claims(
     results_dir: Path,
     run: str | list[str] | None,
     as_json: bool,
     as_markdown: bool,
+    as_csv: bool,
     filters: dict[str, Any],
 ) -> int:
     """Judge the claims."""
     from infoplan.analyse.claims import judge_claims
+    from infoplan.draw.claims_table import as_csv as to_csv
     from infoplan.draw.claims_table import as_json as to_json
     from infoplan.draw.claims_table import markdown, print_claims
     from infoplan.draw.console import wide_console
 
-    if as_json and as_markdown:
-        raise UsageError("claims are written as --json or as --markdown, not both")
+    if as_json + as_markdown + as_csv > 1:
+        raise UsageError("claims are written as --json, --markdown or --csv: choose one")
     study = _study(results_dir, run, filters)
     judged = judge_claims(study)
     if as_json:
         print(to_json(judged, study))
+    elif as_csv:
+        print(to_csv(judged))
     elif as_markdown:
         print(markdown(judged, study))
     else:
