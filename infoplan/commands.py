@@ -305,6 +305,8 @@ def survey(
 @setting("speed", Number(min=0, min_open=True), "of the vehicle", unit="m/s", default=1.5)
 @setting("step", Number(min=0, min_open=True), "distance of two samples; as in the survey if left "
          "out", unit="m")  # fmt: skip
+@setting("plans", click.IntRange(min=1, max=1000), "of so many plans at a time the best is driven",
+         default=8)  # fmt: skip
 @setting("altitude", Number(), "of the mission's waypoints above home", unit="m", default=0.0)
 @TRUST
 def plan_next(
@@ -318,6 +320,7 @@ def plan_next(
     turning_radius: float,
     speed: float,
     step: float | None,
+    plans: int,
     altitude: float,
     trust: bool,
     overrides: list[str],
@@ -333,7 +336,7 @@ def plan_next(
             f"{as_command('infoplan status', results_dir)} lists, and the length of the track in "
             "metres, like budget=500"
         )
-    trip = Trip(budget, from_, heading, inside, avoid, turning_radius, speed, step, altitude)
+    trip = Trip(budget, from_, heading, inside, avoid, turning_radius, speed, step, plans, altitude)
     return plan_next(results_dir, run, trip, trust, overrides)
 
 

@@ -11,7 +11,7 @@ from infoplan.answers import checked_actions, checked_drive, checked_prediction
 from infoplan.belief import TURNS, Belief
 from infoplan.config import MissionConfig
 from infoplan.methods import check_covariance, find, method_label
-from infoplan.plan import Situation, count_flags, smooth
+from infoplan.plan import Situation, count_flags, normalise, smooth
 from infoplan.planner_reward import deviation_and_reward
 from infoplan.randomness import generator
 from infoplan.robot import drive, steering_angles, turn_on_the_spot
@@ -54,14 +54,21 @@ class Track:
 
 
 def look_ahead(
-    belief: Belief, config: MissionConfig, pose: Floats, samples: int, *, any_heading: bool
+    belief: Belief,
+    config: MissionConfig,
+    pose: Floats,
+    samples: int,
+    *,
+    plans: int = 1,
+    any_heading: bool = False,
 ) -> Track:
     """Plan a track of many samples, without any new measurement.
 
     A planner plans a few actions. They are believed to be driven, with measurements as the model
     predicts them (the kriging believer; Ginsbourger et al., 2010): so the deviation shrinks where
     the track has been, mean and hyperparameters stay, and the next plan goes elsewhere. A flagged
-    sample attracts until a sample of the track comes near. Of a plan so much is driven that at its
+    sample attracts until a sample of the track comes near. Planners are given the reward less its
+    least value, which a track of a given length gathers in any case. Of a plan so much is driven that at its
     end a full circle is free, to the left or to the right: so the track can always go on, and
     never turns on the spot.
 
@@ -76,6 +83,9 @@ def look_ahead(
         Where it starts, x1, x2, heading, off all obstacles.
     samples
         Length of the track.
+    plans
+        How often the planner is asked each time, if it draws at random: the plan is driven whose
+        nodes have most of reward and outlier density (`gain`).
     any_heading
         Whether it may start with another heading, if from that one there is no way.
 
@@ -101,9 +111,9 @@ def look_ahead(
     revisited = np.zeros(len(flagged), dtype=bool)
     deviation, poses = before, pose[None]
     predicted = [_predict(belief.model, pose[None, :2], config)]
-    plans = 0
+    number = 0
     while len(poses) <= samples:
-        plans += 1
+        number += 1
         std, reward = deviation_and_reward(config, belief.model, nodes, mean, deviation)
         counts = count_flags(flagged[~revisited], belief.extent, shape)
         density = smooth(counts, config.planner.smoothing, belief.extent)
@@ -111,7 +121,7 @@ def look_ahead(
             pose=poses[-1],
             std=_on_grid(std, free, shape),
             mean=_on_grid(mean, free, shape),
-            reward_map=_on_grid(reward, free, shape),
+            reward_map=_on_grid(reward - reward.min(), free, shape),
             outlier_density=np.where(free.reshape(shape), density, 0.0),
             extent=belief.extent,
             speed=config.robot.speed,
@@ -119,15 +129,15 @@ def look_ahead(
             steering=steering_angles(config.robot.max_steering, config.robot.steering_angles),
             visited=np.concatenate([belief.readings.x, poses[:, :2]]),
             n_pilot=len(belief.readings) + 1,
-            epoch=plans,
+            epoch=number,
             budget=len(belief.readings) + 1 + samples,
             obstacles=belief.obstacles,
         )
-        rng = generator(belief.seed, "planner", plans)
+        rng = generator(belief.seed, "planner", number)
         left = samples + 1 - len(poses)
-        turns = TURNS if any_heading and plans == 1 else 1
+        turns = TURNS if any_heading and number == 1 else 1
         with one_thread():
-            driven = _first_way(planner, situation, rng, left, turns, config, label)
+            driven = _first_way(planner, situation, rng, left, turns, plans, config, label)
             if driven is None:
                 break
             start, piece = driven
@@ -162,20 +172,33 @@ def _first_way(
     rng: np.random.Generator,
     left: int,
     turns: int,
+    plans: int,
     config: MissionConfig,
     label: str,
 ) -> tuple[Floats, Floats] | None:
-    """Find the first of some headings with a way; returns the pose with it, and the way."""
+    """Find the first of some headings with a way; returns the pose with it, and the best way."""
     for _ in range(turns):
-        actions = checked_actions(planner(situation, rng), situation, label)
-        actions = actions[: config.planner.execute_actions]
-        piece = _drivable(situation, actions, left, label)
-        if piece is None:
-            piece = _way_out(situation, left)
-        if piece is not None:
-            return situation.pose, piece
+        ways = []
+        for _ in range(plans):
+            actions = checked_actions(planner(situation, rng), situation, label)
+            way = _drivable(situation, actions[: config.planner.execute_actions], left, label)
+            ways += [] if way is None else [way]
+        if not ways and (out := _way_out(situation, left)) is not None:
+            ways = [out]
+        if ways:
+            return situation.pose, max(ways, key=lambda way: gain(situation, way))
         situation = replace(situation, pose=turn_on_the_spot(situation.pose))
     return None
+
+
+def gain(situation: Situation, poses: Floats) -> float:
+    """Reward and outlier density at the nodes that some poses pass, each node once, a sample.
+
+    Both maps have a maximum of 1, as `infoplan.plan.puct` takes them.
+    """
+    passed = count_flags(poses[:, :2], situation.extent, situation.std.shape) > 0
+    worth = normalise(situation.reward_map) + normalise(situation.outlier_density)
+    return float(worth[passed].sum()) / len(poses)
 
 
 def _drivable(

@@ -68,6 +68,8 @@ class Trip:
         Metres a second.
     step
         Distance of two samples, metres; None: as in the survey.
+    plans
+        As of `look_ahead`.
     altitude
         Of a mission's waypoints above home, metres.
     """
@@ -80,6 +82,7 @@ class Trip:
     turning_radius: float
     speed: float
     step: float | None
+    plans: int
     altitude: float
 
 
@@ -133,7 +136,9 @@ def plan_next(
         config.planner.smoothing = max(source.config.planner.smoothing, cell)
     belief = recall(source, samples, area.extent, grid, area.obstacles)
     with culprit_named(config, "on the way ahead"):
-        track = look_ahead(belief, config, pose, count, any_heading=trip.heading is None)
+        track = look_ahead(
+            belief, config, pose, count, plans=trip.plans, any_heading=trip.heading is None
+        )
     if len(track.poses) == 1:
         raise UsageError(
             "there is no room to move from the start, with actions of "
@@ -151,7 +156,7 @@ def plan_next(
     picture = draw_track(track, area, samples.x, folder, place.name, place.unit or "")[0]
     say(
         console,
-        f"{source.name}: {method_label(config.planner)} from {_told(pose, plane)}, samples "
+        f"{source.name}: {method_label(config.planner)} from {_told(track.poses[0], plane)}, samples "
         f"{figure(step)} m apart, actions of {figure(robot.samples_per_action * step)} m, turning "
         f"radius {trip.turning_radius:g} m, {trip.speed:g} m/s",
     )
