@@ -68,9 +68,9 @@ def look_ahead(
     predicts them (the kriging believer; Ginsbourger et al., 2010): so the deviation shrinks where
     the track has been, mean and hyperparameters stay, and the next plan goes elsewhere. A flagged
     sample attracts until a sample of the track comes near. Planners are given the reward less its
-    least value, which a track of a given length gathers in any case. Of a plan so much is driven that at its
-    end a full circle is free, to the left or to the right: so the track can always go on, and
-    never turns on the spot.
+    least value, which a track of a given length gathers in any case. Of a plan so much is driven
+    that at its end a full circle is free, to the left or to the right: so the track can always go
+    on, and never turns on the spot.
 
     Parameters
     ----------

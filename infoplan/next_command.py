@@ -37,6 +37,9 @@ from infoplan.wording import counted, figure
 
 Floats = NDArray[np.float64]
 
+FARTHEST = 100_000.0
+"""From the survey's end may a polygon reach, metres."""
+
 MOST_SAMPLES = 20_000
 """Of a track."""
 
@@ -117,7 +120,7 @@ def plan_next(
     samples = surveyed_samples(results_dir, source)
     place = source.config.terrain
     plane = Plane(place.crs, (place.origin[0], place.origin[1]))
-    usual = source.config.robot.speed if trip.step is None else trip.step
+    usual = source.config.robot.speed
     area = _area(trip, samples, plane, usual)
     pose = _start(trip, samples, plane, area)
     room = _room(trip, area)
@@ -156,8 +159,8 @@ def plan_next(
     picture = draw_track(track, area, samples.x, folder, place.name, place.unit or "")[0]
     say(
         console,
-        f"{source.name}: {method_label(config.planner)} from {_told(track.poses[0], plane)}, samples "
-        f"{figure(step)} m apart, actions of {figure(robot.samples_per_action * step)} m, turning "
+        f"{source.name}: {method_label(config.planner)} from {_told(track.poses[0], plane)}, "
+        f"samples {figure(step)} m apart, actions of {figure(robot.samples_per_action * step)} m, turning "
         f"radius {trip.turning_radius:g} m, {trip.speed:g} m/s",
     )
     if len(track.poses) <= count:
@@ -191,6 +194,12 @@ def _area(trip: Trip, samples: Samples, plane: Plane, margin: float) -> Area:
                 f"inside= has {len(polygons)} polygons: give the one that the track stays in"
             )
         border, *zones = polygons[0]
+        off = float(np.hypot(*(border - samples.x[-1]).T).max())
+        if off > FARTHEST:
+            raise UsageError(
+                f"inside= reaches {_far(off)} from where the survey ended, and may reach "
+                f"{_far(FARTHEST)}: lists have LAT,LON or metres, GeoJSON the longitude first"
+            )
     if trip.avoid is not None:
         # What a zone has holes in is kept out of as a whole: no way leads into them.
         zones += [rings[0] for rings in read_polygons(trip.avoid, plane, "avoid")]

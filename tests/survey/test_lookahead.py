@@ -170,7 +170,7 @@ def test_flags_attract_until_they_are_met():
     belief.flagged[:] = False
     start = np.append(belief.readings.x[-1], 0.0)
     # One flag straight ahead, one far away.
-    belief.readings.x[[5, 6]] = [start[:2] + [3.0, 0.0], [4.0, 40.0]]
+    belief.readings.x[[5, 6]] = [[start[0] + 3.0, start[1]], [4.0, 40.0]]
     belief.flagged[[5, 6]] = True
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("infoplan.lookahead.find", lambda group, options: recorded)
