@@ -15,7 +15,7 @@ from infoplan.analyse.stretches import NO_TRUTH, load_scored_curves, read_stretc
 from infoplan.analyse.tables import Selection, load_maps, load_samples
 from infoplan.config import is_survey
 from infoplan.draw.console import INDENT, say
-from infoplan.draw.survey_table import score_lines
+from infoplan.draw.survey_table import print_logs, score_lines
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError
 from infoplan.wording import counted, figure, interval
@@ -51,6 +51,9 @@ def show(selection: Selection, console: Console) -> None:
         console.print(Text(line), soft_wrap=True)
     console.print()
     _print_fields(_survey(selection) if surveyed else _numbers(curves, selection), console)
+    if surveyed:
+        for seed in selection.seeds(runs[0]):
+            print_logs(selection.results_dir, runs[0], seed, console)
     if said := collapse(curves, selection.results_dir):
         say(console, said, style="yellow")
     console.print()

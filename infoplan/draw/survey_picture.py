@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 WIDTH, TALLEST, FLATTEST = 9.0, 8.0, 2.6
 """Of the picture, inches; its height follows the place's, within these."""
 
+LOG = "log"
+"""Column of the samples that tells the log of each."""
+
+COLOURS, LINES = ("black", "#0072B2", "#CC79A7", "#E69F00"), ("-", "--", ":")
+"""Of the tracks of several logs, in turn."""
+
 
 def draw_survey(
     samples: pd.DataFrame, maps: pd.DataFrame, folder: Path, place: str, unit: str
@@ -24,7 +30,7 @@ def draw_survey(
     Parameters
     ----------
     samples, maps
-        Its tables.
+        Its tables; the samples of several logs with a column ``log``.
     folder
         Where ``picture.png``, the same as PDF, and the samples that are drawn as CSV land.
     place, unit
@@ -50,7 +56,7 @@ def draw_survey(
     with style.journal():
         drawing = style.new_figure(WIDTH, height)
         track, *others = drawing.subplots(1, 3, sharex=True, sharey=True)
-        track.plot(samples["x1"], samples["x2"], color="0.75", lw=0.6, zorder=1)
+        _draw_tracks(track, samples)
         kept = samples[~flagged]
         values = track.scatter(
             kept["x1"], kept["x2"], c=kept["measured"], s=5, cmap=style.ELEVATION, vmin=low,
@@ -65,15 +71,37 @@ def draw_survey(
             (others[1], "c", "standard deviation", std, style.DEVIATION),
         ):
             image = style.show_map(axes, grid, extent, cmap=cmap)
-            axes.plot(samples["x1"], samples["x2"], color="white", lw=0.5, alpha=0.6)
+            for part in _tracks(samples).values():
+                axes.plot(part["x1"], part["x2"], color="white", lw=0.5, alpha=0.6)
             _mark(axes, samples[flagged], "white")
             style.colour_bar(image, axes, f"{what} {named}".rstrip())
             style.panel(axes, letter, what)
         for axes in (track, *others):
             axes.set(xlabel="m", ylabel="")
         track.set_ylabel("m")
-        numbers = samples[["x1", "x2", "measured", "flagged", "score"]]
+        numbers = samples[[*([LOG] if LOG in samples else []), "x1", "x2", "measured", "flagged",
+                           "score"]]  # fmt: skip
         return style.save(drawing, folder, "picture", numbers)
+
+
+def _tracks(samples: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Samples of each log, by its name."""
+    if LOG not in samples:
+        return {"": samples}
+    return {str(name): part for name, part in samples.groupby(LOG, sort=False)}
+
+
+def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
+    """Draw the track of each log; several are told apart by colour and line."""
+    tracks = _tracks(samples)
+    for number, (name, part) in enumerate(tracks.items()):
+        colour, line = "0.75", "-"
+        if len(tracks) > 1:
+            colour, line = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
+        axes.plot(part["x1"], part["x2"], color=colour, ls=line, lw=0.6 + 0.4 * (len(tracks) > 1),
+                  zorder=1, label=style.inert(name))  # fmt: skip
+    if len(tracks) > 1:
+        axes.legend(fontsize=6, loc="best", framealpha=0.8)
 
 
 def _mark(axes: "Axes", flagged: pd.DataFrame, colour: str) -> None:

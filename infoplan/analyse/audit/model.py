@@ -75,7 +75,7 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
     low, high = _pilot_box(mission)
     # Not every model has that guard.
     shortest = float(as_meant(mission.configuration)["model"].get("min_lengthscale", 0.0))
-    spacing = shortest * float(mission.option("robot.speed"))
+    spacing = shortest * _spacing(mission)
     floors = dict(zip(("lengthscale_1", "lengthscale_2"), 2 * spacing / (high - low), strict=True))
     for name in sorted(floors.keys() & set(names)):
         _demand_floor(name, curves[name].to_numpy(), floors[name])
@@ -92,6 +92,15 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
     _check_collapse(mission)
     last = curves.iloc[-1]
     return "at the end " + ", ".join(f"{name} {last[name]:.4g}" for name in [*names, "jitter"])
+
+
+def _spacing(mission: StoredMission) -> float:
+    """Distance of two successive samples: the robot's, of a survey the usual one of its pilot."""
+    if not is_survey(mission.option("terrain.name")):
+        return float(mission.option("robot.speed"))
+    x = mission.x[(mission.epoch == 0) & mission.told]
+    steps = np.linalg.norm(x[1:] - x[:-1], axis=1)
+    return float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
 
 
 def _demand_floor(name: str, found: Floats, floor: float) -> None:
@@ -113,7 +122,7 @@ def _check_collapse(mission: StoredMission) -> None:
     low, high = _pilot_box(mission)
     lengthscales = curves[["lengthscale_1", "lengthscale_2"]].to_numpy(dtype=float)
     smaller = (lengthscales * (high - low) / 2).min(axis=1)
-    speed = float(mission.option("robot.speed"))
+    speed = _spacing(mission)
     said = curves["collapsed"].to_numpy()
     # At the very distance rounding decides.
     demand(

@@ -1,0 +1,47 @@
+"""Surveys of several logs: what the later ones say of the flags of the earlier."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
+from infoplan.study.store import read_table, table_path
+
+
+def read_origins(results_dir: Path, run: str, seed: int) -> pd.DataFrame | None:
+    """Read where the samples of a survey come from (`infoplan.tables`); None: from one log."""
+    if not os.path.lexists(table_path(results_dir, "origins", run, seed)):
+        return None
+    table = read_table(results_dir, "origins", run, seed)
+    # pandas writes a null as NaN in one version and as None in another.
+    return table.to_pandas().assign(verdict=np.array(table["verdict"].to_pylist(), dtype=object))
+
+
+def verdict_counts(origins: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
+    """Count what has become of the flags of each log.
+
+    Parameters
+    ----------
+    origins, samples
+        Tables of a survey.
+
+    Returns
+    -------
+    DataFrame
+        Indexed by log, in order. ``samples``: with a value; ``flagged_first``: of these, when the
+        log was the last; ``confirmed``, ``cleared``, ``untested``: what the later logs have made of
+        them; ``flagged_since``: flagged at the end and not then.
+    """
+    told = samples["measured"].notna()
+    logs = origins["log"]
+    flags = pd.DataFrame(
+        {
+            "samples": told,
+            "flagged_first": origins["flagged_first"],
+            **{name: origins["verdict"] == name for name in (CONFIRMED, CLEARED, UNTESTED)},
+            "flagged_since": samples["flagged"] & told & ~origins["flagged_first"],
+        }
+    )
+    return flags.astype(int).groupby(logs, sort=False).sum()
