@@ -97,7 +97,7 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
                 folder / (f"clean-{one.name}.csv" if log.parts else "clean.csv"), one,
                 samples["score"].to_numpy()[mine], samples["flagged"].to_numpy()[mine],
                 run.science["detector"],
-                None if origins is None else origins["verdict"][mine].tolist(),
+                None if origins is None else origins["verdict"][mine].fillna("").tolist(),
             )
         )  # fmt: skip
     place = run.config.terrain

@@ -3,7 +3,6 @@
 import os
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
@@ -14,9 +13,7 @@ def read_origins(results_dir: Path, run: str, seed: int) -> pd.DataFrame | None:
     """Read where the samples of a survey come from (`infoplan.tables`); None: from one log."""
     if not os.path.lexists(table_path(results_dir, "origins", run, seed)):
         return None
-    table = read_table(results_dir, "origins", run, seed)
-    # pandas writes a null as NaN in one version and as None in another.
-    return table.to_pandas().assign(verdict=np.array(table["verdict"].to_pylist(), dtype=object))
+    return read_table(results_dir, "origins", run, seed).to_pandas()
 
 
 def verdict_counts(origins: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:

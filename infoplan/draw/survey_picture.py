@@ -60,7 +60,7 @@ def draw_survey(
         kept = samples[~flagged]
         values = track.scatter(
             kept["x1"], kept["x2"], c=kept["measured"], s=5, cmap=style.ELEVATION, vmin=low,
-            vmax=high, zorder=2,
+            vmax=high, zorder=2, rasterized=True,  # a path a sample takes a viewer its time
         )  # fmt: skip
         style.frame_workspace(track, extent)
         style.colour_bar(values, track, f"value {named}".rstrip())

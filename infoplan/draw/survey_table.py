@@ -9,10 +9,12 @@ from rich.console import Console
 from infoplan.analyse.detector_check import Checked, agreement
 from infoplan.analyse.later_logs import read_origins, verdict_counts
 from infoplan.analyse.stretches import NO_TRUTH, gain, read_stretches, scores_by_epoch
+from infoplan.collapse import collapse_sentence
 from infoplan.draw.console import INDENT, say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.study.store import present_tables, read_table
+from infoplan.study.stored_curves import ended_collapsed
 from infoplan.study.study import Study
 from infoplan.wording import counted, figure, interval
 
@@ -45,6 +47,9 @@ def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
     stretches = read_stretches(study.results_dir, run.name, seed)
     for line in score_lines(stretches, run.terrain.unit):
         say(console, line, indent=INDENT)
+    last = read_table(study.results_dir, "curves", run.name, seed).to_pylist()[-1]
+    if said := collapse_sentence([ended_collapsed(study.results_dir, run.name, seed, last)]):
+        say(console, said, indent=INDENT, style="yellow")
     for file in files:
         say(console, file)
     tables = present_tables(study.results_dir, run.name, seed)

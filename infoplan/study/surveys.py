@@ -18,7 +18,8 @@ from infoplan.config import (
 from infoplan.errors import UsageError
 from infoplan.files import user_path
 from infoplan.later_logs import Origins
-from infoplan.mission_cost import check_mission
+from infoplan.machine import machine_memory, size
+from infoplan.mission_cost import PAIR_BYTES, check_mission, memory_of, seconds_of
 from infoplan.samples import Samples
 from infoplan.study.executor import carry_out
 from infoplan.study.identity import identify
@@ -27,7 +28,7 @@ from infoplan.study.store import prepare
 from infoplan.study.study import Study
 from infoplan.survey import SurveyLog
 from infoplan.terrain import Terrain
-from infoplan.wording import counted
+from infoplan.wording import counted, rough
 
 Floats = NDArray[np.float64]
 
@@ -42,6 +43,9 @@ NODES = 2500
 
 PER_LOG = "log"
 """A batch for each log."""
+
+LONGEST = 1.0
+"""Hours that a model of all pairs of samples may take, as estimated."""
 
 STEPS_ACROSS = 20
 """A step of the robot that would fly there is so small a part of the shorter side, at most."""
@@ -179,6 +183,31 @@ def survey_samples(log: SurveyLog, config: MissionConfig) -> Samples:
     )
 
 
+def _check_size(config: MissionConfig) -> None:
+    """Refuse so many samples that a model of all pairs of them is no longer sensible.
+
+    Raises
+    ------
+    UsageError
+        Says from which number on, and what to use instead.
+    """
+    if config.model.name not in PAIR_BYTES:
+        return
+    n = np.unique(np.geomspace(10, config.budget, 200).astype(int))
+    sized = [replace(config, budget=k, pilot=replace(config.pilot, samples=k - 1)) for k in n.tolist()]
+    hours = np.array([seconds_of(one) for one in sized]) / 3600
+    needed = np.array([memory_of(one) for one in sized])
+    sensible = (hours <= LONGEST) & (needed <= machine_memory())
+    if sensible[-1]:
+        return
+    raise UsageError(
+        f"model={config.model.name} works with all pairs of samples: {config.budget} take about "
+        f"{rough(hours[-1])} hours and {size(needed[-1])} of memory, and beyond about "
+        f"{rough(float(n[sensible].max(initial=0)))} it stops being sensible here; use "
+        "model=vecchia, whose cost is linear"
+    )
+
+
 def origins_of(log: SurveyLog) -> Origins | None:
     """Say of which log each sample is, and in which row; None if there is one log."""
     if not log.parts:
@@ -233,6 +262,7 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
             "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
             "leave it out and all are judged"
         )
+    _check_size(config)
     check_mission(config)
     place = config.terrain
     unknown = np.full((2, 2), np.nan)

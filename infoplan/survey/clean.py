@@ -31,7 +31,7 @@ def write_clean(
     score: NDArray[np.float64],
     flagged: NDArray[np.bool_],
     detector: Mapping[str, Any],
-    verdict: Sequence[str | None] | None = None,
+    verdict: Sequence[str] | None = None,
 ) -> Path:
     """Write a log with the verdict on each of its rows, in their order, as CSV.
 
@@ -46,8 +46,8 @@ def write_clean(
     detector
         Its options, ``name`` among them.
     verdict
-        What later logs say of each sample that was flagged before them (`infoplan.later_logs`);
-        None: there are none.
+        What later logs say of each sample that was flagged before them (`infoplan.later_logs`),
+        empty of the others; None: there are none.
 
     Returns
     -------
