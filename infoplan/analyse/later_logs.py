@@ -7,6 +7,7 @@ import pandas as pd
 
 from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.study.store import read_table, table_path
+from infoplan.wording import counted, harmless
 
 
 def read_origins(results_dir: Path, run: str, seed: int) -> pd.DataFrame | None:
@@ -42,3 +43,28 @@ def verdict_counts(origins: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame
         }
     )
     return flags.astype(int).groupby(logs, sort=False).sum()
+
+
+def later_sentences(results_dir: Path, run: str, seed: int) -> list[str]:
+    """Say of each log but the last what the later ones have made of its flags.
+
+    Parameters
+    ----------
+    results_dir, run, seed
+        A survey.
+
+    Returns
+    -------
+    list of str
+        A sentence a log; none if there is one log.
+    """
+    origins = read_origins(results_dir, run, seed)
+    if origins is None:
+        return []
+    samples = read_table(results_dir, "samples", run, seed).to_pandas()
+    return [
+        f"Of {counted(int(row['flagged_first']), 'sample')} of {harmless(name)} that were flagged "
+        f"before later logs came, these confirm {row[CONFIRMED]}, clear {row[CLEARED]}, and do "
+        f"not come near {row[UNTESTED]}."
+        for name, row in verdict_counts(origins, samples)[:-1].iterrows()
+    ]

@@ -68,8 +68,11 @@ def show(selection: Selection, console: Console) -> None:
 def _print_header(selection: Selection, run: str, console: Console) -> None:
     seeds = selection.seeds(run)
     changed = changed_options(selection.options[run])
+    # Of a survey nobody has asked the planner and the robot, and its log decides the sizes.
+    hidden = ("terrain.", *(("planner.", "robot.", "pilot.", "budget", "grid")
+                            if is_survey(selection.terrain) else ()))  # fmt: skip
     options = ", ".join(f"{name}={option_text(value)}" for name, value in changed.items()
-                        if not name.startswith("terrain."))  # fmt: skip
+                        if not name.startswith(hidden) or name == "planner.smoothing")  # fmt: skip
     say(console, run)
     say(console, f"{selection.terrain}, budget {selection.budget}, seeds "
         f"{', '.join(map(str, seeds))}")  # fmt: skip

@@ -1,5 +1,6 @@
 """A survey as a picture: track and flags, the mean, and its deviation, on scales in metres."""
 
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ WIDTH, TALLEST, FLATTEST = 9.0, 8.0, 2.6
 LOG = "log"
 """Column of the samples that tells the log of each."""
 
-COLOURS, LINES = ("black", "#0072B2", "#CC79A7", "#E69F00"), ("-", "--", ":")
+COLOURS, LINES, MARKERS = ("0.6", "#56B4E9", "#CC79A7", "#E69F00"), ("-", "--", ":"), "os^D"
 """Of the tracks of several logs, in turn."""
 
 
@@ -58,10 +59,12 @@ def draw_survey(
         track, *others = drawing.subplots(1, 3, sharex=True, sharey=True)
         _draw_tracks(track, samples)
         kept = samples[~flagged]
-        values = track.scatter(
-            kept["x1"], kept["x2"], c=kept["measured"], s=5, cmap=style.ELEVATION, vmin=low,
-            vmax=high, zorder=2, rasterized=True,  # a path a sample takes a viewer its time
-        )  # fmt: skip
+        for part, marker in zip(_tracks(kept).values(), cycle(MARKERS), strict=False):
+            values = track.scatter(
+                part["x1"], part["x2"], c=part["measured"], s=6, cmap=style.ELEVATION, vmin=low,
+                vmax=high, zorder=2, marker=marker, linewidths=0,
+                rasterized=True,  # a path a sample takes a viewer its time
+            )  # fmt: skip
         style.frame_workspace(track, extent)
         style.colour_bar(values, track, f"value {named}".rstrip())
         style.panel(track, "a", f"{style.inert(place)}: {flagged.sum()} flagged")
@@ -98,8 +101,9 @@ def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
         colour, line = "0.75", "-"
         if len(tracks) > 1:
             colour, line = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
-        axes.plot(part["x1"], part["x2"], color=colour, ls=line, lw=0.6 + 0.4 * (len(tracks) > 1),
-                  zorder=1, label=style.inert(name))  # fmt: skip
+        label = style.inert(name)
+        axes.plot(part["x1"], part["x2"], color=colour, ls=line, lw=0.6 if len(tracks) == 1 else 2.6,
+                  zorder=1, label=label)  # fmt: skip
     if len(tracks) > 1:
         axes.legend(fontsize=6, loc="best", framealpha=0.8)
 

@@ -146,6 +146,11 @@ def read_log(
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
         raise UsageError(f"{harmless(path)} cannot be read ({reason}): name a log") from error
+    if content.lstrip()[:20].lower().startswith((b"<!doctype html", b"<html")):
+        raise UsageError(
+            f"{what} is a page of a website, perhaps one that asks to sign in, and no log: "
+            "download the log once more"
+        )
     raw = reader(content, what)
     names = [str(name) for name in raw.columns]
     given = {role: name for role, name in (columns or {}).items()
