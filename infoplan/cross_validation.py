@@ -115,9 +115,7 @@ def _left_out(belief: Belief, kept: NDArray[np.bool_]) -> Floats:
     conditioned = (
         belief.model.weights_and_sparse_inverse if is_sparse else belief.model.weights_and_inverse
     )
-    weights, inverse = conditioned(
-        readings.x[kept], readings.measured[kept], np.arange(n)
-    )
+    weights, inverse = conditioned(readings.x[kept], readings.measured[kept], np.arange(n))
     scale = np.nanstd(readings.measured[pilot])  # the model's unit (`Scaler.of_pilot`)
     errors[kept] = scale * weights / inverse.diagonal()
     return errors

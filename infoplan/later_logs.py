@@ -104,7 +104,9 @@ def verdicts(
         later = scaled[(origins.log > number) & ~samples.flagged]
         if not len(asked):
             continue
-        distance = cKDTree(later).query(scaled[asked])[0] if len(later) else np.full(len(asked), 2.0)
+        distance = (
+            cKDTree(later).query(scaled[asked])[0] if len(later) else np.full(len(asked), 2.0)
+        )
         for sample, away in zip(asked.tolist(), distance, strict=True):
             still = CONFIRMED if samples.flagged[sample] else CLEARED
             found[sample] = still if away <= 1.0 else UNTESTED

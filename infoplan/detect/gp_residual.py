@@ -65,10 +65,7 @@ def gp_residual(
     conditioned = getattr(model, "weights_and_sparse_inverse", model.weights_and_inverse)
     weights, inverse = conditioned(samples.x[among], samples.measured[among], mine)
     scores = np.abs(weights) / np.sqrt(inverse.diagonal())
-    if one_by_one:
-        dropped = _drop(weights, inverse, scores, threshold)
-    else:
-        dropped = scores > threshold
+    dropped = _drop(weights, inverse, scores, threshold) if one_by_one else scores > threshold
     flagged, score = np.zeros(len(samples), dtype=bool), np.full(len(samples), np.nan)
     flagged[among[mine]], score[among[mine]] = dropped, scores
     return flagged, score

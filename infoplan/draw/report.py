@@ -16,8 +16,8 @@ from infoplan.analyse.claims import METHODS, WORDS, judge_claims
 from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
-from infoplan.analyse.statistics import Interval
 from infoplan.analyse.later_logs import later_sentences
+from infoplan.analyse.statistics import Interval
 from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
 from infoplan.config import is_survey

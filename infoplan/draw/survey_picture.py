@@ -88,7 +88,7 @@ def draw_survey(
 
 
 def _tracks(samples: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Samples of each log, by its name."""
+    """Part samples by the names of their logs."""
     if LOG not in samples:
         return {"": samples}
     return {str(name): part for name, part in samples.groupby(LOG, sort=False)}
@@ -98,12 +98,12 @@ def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
     """Draw the track of each log; several are told apart by colour and line."""
     tracks = _tracks(samples)
     for number, (name, part) in enumerate(tracks.items()):
-        colour, line = "0.75", "-"
+        colour, line, width = "0.75", "-", 0.6
         if len(tracks) > 1:
-            colour, line = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
-        label = style.inert(name)
-        axes.plot(part["x1"], part["x2"], color=colour, ls=line, lw=0.6 if len(tracks) == 1 else 2.6,
-                  zorder=1, label=label)  # fmt: skip
+            colour, width = COLOURS[number % len(COLOURS)], 2.6
+            line = LINES[number // len(COLOURS) % len(LINES)]
+        axes.plot(part["x1"], part["x2"], color=colour, ls=line, lw=width, zorder=1,
+                  label=style.inert(name))  # fmt: skip
     if len(tracks) > 1:
         axes.legend(fontsize=6, loc="best", framealpha=0.8)
 

@@ -146,7 +146,7 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
 
 
 def _parts(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
-    """Number the samples of a log by batches, from 0; one if the log is to be taken whole."""
+    """Count the batches of a log from 0, sample by sample; None: it is one."""
     if batch is None:
         return np.zeros(len(log), dtype=np.int64)
     found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) *(s?)", batch.strip())
@@ -194,7 +194,9 @@ def _check_size(config: MissionConfig) -> None:
     if config.model.name not in PAIR_BYTES:
         return
     n = np.unique(np.geomspace(10, config.budget, 200).astype(int))
-    sized = [replace(config, budget=k, pilot=replace(config.pilot, samples=k - 1)) for k in n.tolist()]
+    sized = [
+        replace(config, budget=k, pilot=replace(config.pilot, samples=k - 1)) for k in n.tolist()
+    ]
     hours = np.array([seconds_of(one) for one in sized]) / 3600
     needed = np.array([memory_of(one) for one in sized])
     sensible = (hours <= LONGEST) & (needed <= machine_memory())

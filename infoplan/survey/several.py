@@ -186,9 +186,7 @@ def _without_repeated(logs: Sequence[SurveyLog], whats: Sequence[str]) -> list[S
     return found
 
 
-def _shared(
-    one: NDArray[np.int64], other: NDArray[np.int64], length: int
-) -> NDArray[np.bool_]:
+def _shared(one: NDArray[np.int64], other: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
     """Tell which of some numbers stand in a row of so many that the others hold, too."""
     shared = np.zeros(len(one), dtype=bool)
     if min(len(one), len(other)) < length:
@@ -221,7 +219,9 @@ def _joined(logs: Sequence[SurveyLog], remarks: list[str]) -> SurveyLog:
     """Put logs after one another."""
     starts = np.cumsum([0, *(len(log.columns) for log in logs)])
     first, others = logs[0], logs[1:]
-    name = f"{first.name}-{others[0].name}" if len(others) == 1 else f"{first.name}-and-{len(others)}"
+    name = (
+        f"{first.name}-{others[0].name}" if len(others) == 1 else f"{first.name}-and-{len(others)}"
+    )
     timed = all(log.time is not None for log in logs)
     return SurveyLog(
         name=name,

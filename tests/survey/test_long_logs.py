@@ -1,6 +1,7 @@
 """What a survey takes of time and memory grows with the samples, not with their square."""
 
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -39,7 +40,7 @@ def test_detectors_take_memory_by_the_sample(tmp_path):
         rng = np.random.default_rng(0)
         gp_residual(given, model, rng)  # compiled, and imported
         peaks[samples] = [
-            peak(lambda: gp_residual(given, model, rng)), peak(lambda: local(given, model, rng))
+            peak(partial(detector, given, model, rng)) for detector in (gp_residual, local)
         ]  # fmt: skip
     for few, many in zip(peaks[750], peaks[3000], strict=True):
         assert many < 8 * few

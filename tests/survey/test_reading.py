@@ -230,7 +230,7 @@ MALFORMED = {
                "log.csv is a page of a website"),
     "all missing": (table("lat,lon,depth", [(*row[:2], "") for row in ROWS]),
                     "12 samples with a position, 0 of them with a value: it takes 10"),
-    "two delimiters": ("\n".join([PLAIN.splitlines()[0], *PLAIN.replace(",", ";").splitlines()[1:]]),
+    "two delimiters": (PLAIN.replace(",", ";").replace(";", ",", 2),
                        "line 2: semicolons part its columns, commas those of the header"),
     "utf16 without mark": (PLAIN.encode("utf-16-le"), "log.csv is a text in UTF-16 without its "
                            "mark: save it as UTF-8"),

@@ -70,7 +70,9 @@ def test_a_later_log_confirms_clears_or_does_not_come_near(done, capsys):
     assert [verdict[i] for i in (SPIKE, ROCK, LONELY)] == ["confirmed", "cleared", "untested"]
     assert origins["flagged_first"][[SPIKE, ROCK, LONELY]].all()
     assert samples["flagged"][[SPIKE, ROCK, LONELY]].tolist() == [True, False, True]
-    assert verdict.notna().tolist() == (origins["flagged_first"] & (origins["log"] == "may")).tolist()
+    assert (
+        verdict.notna().tolist() == (origins["flagged_first"] & (origins["log"] == "may")).tolist()
+    )
     # The second log counts in feet, the first in metres.
     june = pd.read_csv(folder / "june.csv")["Sounding depth (ft)"]
     assert samples["measured"][100:].to_numpy() == pytest.approx(FOOT * june.to_numpy())
@@ -134,7 +136,9 @@ def test_rows_that_two_logs_hold_are_samples_once(tmp_path):
     first = first_log(tmp_path / "a.csv")
     rows = first.read_text().splitlines()
     more = second_log(tmp_path / "b.csv")
-    swapped = pd.read_csv(more).rename(columns={"Easting": "x", "Northing": "y", "timestamp": "time"})
+    swapped = pd.read_csv(more).rename(
+        columns={"Easting": "x", "Northing": "y", "timestamp": "time"}
+    )
     swapped["depth (m)"] = FOOT * swapped["Sounding depth (ft)"]
     own = swapped[["time", "x", "y", "depth (m)"]].to_csv(index=False).splitlines()[1:]
     longer = tmp_path / "longer.csv"
@@ -149,7 +153,9 @@ def test_rows_that_two_logs_hold_are_samples_once(tmp_path):
     assert [len(part) for part in read_logs(untimed).parts] == [100, 42]
     inside = tmp_path / "inside.csv"
     inside.write_text("\n".join([rows[0], *rows[31:91]]) + "\n")
-    with pytest.raises(UsageError, match="inside.csv holds no row that the other logs do not hold"):
+    with pytest.raises(
+        UsageError, match=r"inside\.csv holds no row that the other logs do not hold"
+    ):
         read_logs([first, inside])
 
 

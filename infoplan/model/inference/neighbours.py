@@ -166,8 +166,12 @@ def pattern(blocks: Blocks, position: Integers, count: int) -> tuple[Integers, I
         Ascending in each row.
     """
     sizes = np.diff(blocks.starts)
-    of_block = np.concatenate([np.repeat(np.arange(len(blocks)), sizes),
-                               np.repeat(np.arange(len(blocks)), blocks.neighbours.shape[1])])
+    of_block = np.concatenate(
+        [
+            np.repeat(np.arange(len(blocks)), sizes),
+            np.repeat(np.arange(len(blocks)), blocks.neighbours.shape[1]),
+        ]
+    )
     places = np.concatenate([blocks.members, blocks.neighbours.ravel()])
     places = np.where(places < 0, -1, position[places])
     of_block, places = of_block[places >= 0], places[places >= 0]

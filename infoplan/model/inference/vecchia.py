@@ -17,7 +17,14 @@ from scipy.sparse import csr_array
 from infoplan.errors import RunError
 from infoplan.model.covariance import Sums, passes_of
 from infoplan.model.inference.conditionals import conditionals_of
-from infoplan.model.inference.neighbours import Blocks, build, cut, extended, find_neighbours, pattern
+from infoplan.model.inference.neighbours import (
+    Blocks,
+    build,
+    cut,
+    extended,
+    find_neighbours,
+    pattern,
+)
 from infoplan.model.kernel import Kernel
 from infoplan.model.theta import gradient_of, names_of, not_factorised, parameters_of
 
