@@ -147,11 +147,13 @@ def _ordered(logs: Sequence[SurveyLog], whats: Sequence[str]) -> tuple[list[int]
 
 def _without_repeated(logs: Sequence[SurveyLog], whats: Sequence[str]) -> list[SurveyLog]:
     """Leave out of each log the rows that an earlier one has, too."""
-    timed = all(log.time is not None for log in logs)
-    table = np.concatenate(
+    times = [log.time for log in logs if log.time is not None]
+    timed = len(times) == len(logs)
+    table = np.column_stack(
         [
-            np.column_stack([log.x, log.value, log.time if timed else np.zeros(len(log))])
-            for log in logs
+            np.concatenate([log.x for log in logs]),
+            np.concatenate([log.value for log in logs]),
+            np.concatenate(times) if timed else np.zeros(sum(map(len, logs))),
         ]
     )
     numbers = np.unique(table, axis=0, return_inverse=True, equal_nan=True)[1].ravel()

@@ -1,10 +1,15 @@
 """Several logs of one place are one survey, and the later ones judge what the earlier flagged."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from survey_logs import QUICK
 
+from infoplan.analyse.audit.detector import replay_detector
+from infoplan.analyse.audit.logs import check_later_logs
+from infoplan.analyse.audit.stored import FaultError, read_mission
 from infoplan.cli import main
 from infoplan.errors import UsageError
 from infoplan.later_logs import Origins, verdicts
@@ -114,6 +119,24 @@ def test_audit_and_replay_know_the_logs(done, capsys):
     capsys.readouterr()
     assert main(["audit", run, there]) == 0
     assert "later logs        holds" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "value", "sentence"),
+    [
+        ("verdict", SPIKE, "cleared", "is called cleared, its neighbours make it confirmed"),
+        ("verdict", 3, "untested", "sample 3 is called untested, its neighbours make it None"),
+        ("flagged_first", ROCK, False, f"sample {ROCK} has flagged_first False, judged again True"),
+        ("row", 4, 5, "sample 5 is told twice"),
+        ("log", 20, "june", "sample 21 is of a log that had ended"),
+    ],
+)
+def test_a_forged_origin_is_found(done, column, row, value, sentence):
+    folder, run = done
+    mission = read_mission(folder / "results", run, 0, {}, None, replay_detector)
+    mission.tables["origins"].loc[row, column] = value
+    with pytest.raises(FaultError, match=re.escape(sentence)):
+        check_later_logs(mission)
 
 
 def test_logs_are_put_in_order_of_time_and_each_begins_batches_of_its_own(tmp_path):

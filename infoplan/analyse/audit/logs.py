@@ -33,13 +33,12 @@ def check_later_logs(mission: StoredMission) -> str | Partial:
         if judged is None:
             unknown.append(name)
             continue
-        expected = judged[1][mine] & mission.told[mine]
-        demand(
-            first[mine] == expected,
-            lambda i, mine=mine, expected=expected: (
-                f"sample {mine[i]} has flagged_first {first[mine[i]]}, judged again {expected[i]}"
-            ),
-        )
+        again = judged[1][mine] & mission.told[mine]
+        if len(wrong := mine[first[mine] != again]):
+            raise FaultError(
+                f"sample {wrong[0]} has flagged_first {first[wrong[0]]}, judged again "
+                f"{not first[wrong[0]]}"
+            )
     expected = _verdicts(mission, log, first, len(names))
     found = [None if pd.isna(verdict) else str(verdict) for verdict in table["verdict"]]
     for i, (one, other) in enumerate(zip(found, expected, strict=True)):
