@@ -152,11 +152,11 @@ def _without_repeated(logs: Sequence[SurveyLog], whats: Sequence[str]) -> list[S
     table = np.column_stack(
         [
             np.concatenate([log.x for log in logs]),
-            np.concatenate([log.value for log in logs]),
+            np.nan_to_num(np.concatenate([log.value for log in logs]), nan=np.inf),
             np.concatenate(times) if timed else np.zeros(sum(map(len, logs))),
         ]
     )
-    numbers = np.unique(table, axis=0, return_inverse=True, equal_nan=True)[1].ravel()
+    numbers = np.unique(table, axis=0, return_inverse=True)[1].ravel()
     ends = np.cumsum([len(log) for log in logs])
     ids = np.split(numbers, ends[:-1])
     length = 1 if timed else REPEATED
