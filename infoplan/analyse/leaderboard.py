@@ -16,7 +16,11 @@ from numpy.typing import NDArray
 
 from infoplan.analyse.configurations import Options, option_text, stored_options
 from infoplan.analyse.curves import mean_between
-from infoplan.analyse.statistics import RESAMPLES, Interval
+from infoplan.analyse.statistics import (
+    Interval,
+    probability_below_zero,
+    stratified_mean,
+)
 from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import REPLAY, demand_whole, stored_footers
 from infoplan.config import METHODS, is_survey
@@ -25,6 +29,7 @@ from infoplan.files import user_path
 from infoplan.method_identity import SPIKE, Method, labels, method_of
 from infoplan.options import plain_number
 from infoplan.study.store import read_table
+from infoplan.study.stored_curves import ended_collapsed
 from infoplan.text_options import as_command
 from infoplan.wording import counted
 
@@ -90,26 +95,32 @@ class Standing:
     method
         Its label, as in all drawings, and the options that methods of this label differ in.
     score
-        Mean normalised area over maps, faults, rhos and seeds; its interval from a bootstrap over
-        maps and over whole seeds of each.
+        Mean normalised area over maps, faults, rhos and seeds; its t interval on these maps, over
+        the seeds of each.
     behind
-        Score less that of the first, resampled together with it: paired by map and seed.
+        Score less that of the first, paired by map and seed.
+    beaten
+        Probability that the first has the smaller area, by map and seed.
     by_rho, by_fault, by_map
         Means by share of outliers, by fault, and by map.
     final
         Mean RMSE at the budget, in standard deviations of the map.
     seconds
         Mean computing time of a mission.
+    collapsed
+        Share of the missions that end with a collapsed model; NaN if that is not known of all.
     """
 
     method: str
     score: Interval
     behind: Interval
+    beaten: Interval
     by_rho: dict[float, float]
     by_fault: dict[str, float]
     by_map: dict[str, float]
     final: float
     seconds: float
+    collapsed: float
 
 
 @dataclass(frozen=True)
@@ -144,8 +155,6 @@ class Leaderboard:
 def rank(
     results_dir: str | Path,
     filters: dict[str, Any] | None = None,
-    *,
-    resamples: int = RESAMPLES,
 ) -> Leaderboard:
     """Rank the methods of a results folder.
 
@@ -156,8 +165,6 @@ def rank(
     filters
         An option of the runs, ``terrain``, ``planner``, ``detector``, ``model``, ``fault`` or
         ``seed``, and its value, or a list of which any will do. A run without the option passes.
-    resamples
-        Bootstrap resamples, drawn from a fixed seed.
 
     Returns
     -------
@@ -208,7 +215,7 @@ def rank(
             "like"
         )
     scores = _Scores(folder, where, ranked, counting, seeds)
-    return replace(scores.standings(resamples), notes=tuple(notes))
+    return replace(scores.standings(), notes=tuple(notes))
 
 
 class _Scores:
@@ -236,32 +243,34 @@ class _Scores:
             )
             for terrain, common in seeds.items()
         }
-        self.area, self.final, self.seconds = (
-            {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(3)
+        self.area, self.final, self.seconds, self.collapsed = (
+            {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(4)
         )
         self.budget = int(next(iter(where.values())).options["budget"])
 
-    def standings(self, resamples: int) -> Leaderboard:
+    def standings(self) -> Leaderboard:
         """Rank by the mean area."""
         means = _over_maps(self.area)
         order = np.argsort(means, kind="stable")
-        drawn = self._resampled(resamples)
+        by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
         best = order[0]
-        n = sum(len(common) for common in self.seeds.values())
         conditions = [one for listed in self.conditions.values() for one in listed]
         rhos = sorted({one.rho for one in conditions})
         faults = sorted({one.fault for one in conditions})
         finals, seconds = _over_maps(self.final), _over_maps(self.seconds)
+        collapsed = _over_maps(self.collapsed)
         rows = [
             Standing(
                 self.methods[m],
-                _interval(means[m], drawn[:, m], n),
-                _interval(means[m] - means[best], drawn[:, m] - drawn[:, best], n),
+                stratified_mean(areas[m] for areas in by_seed),
+                stratified_mean(areas[m] - areas[best] for areas in by_seed),
+                probability_below_zero(areas[best] - areas[m] for areas in by_seed),
                 {rho: self._under(m, "rho", rho) for rho in rhos},
                 {fault: self._under(m, "fault", fault) for fault in faults},
                 {terrain: float(area[m].mean()) for terrain, area in self.area.items()},
                 float(finals[m]),
                 float(seconds[m]),
+                float(collapsed[m]),
             )
             for m in order
         ]  # fmt: skip
@@ -279,38 +288,14 @@ class _Scores:
                 areas.append(self.area[terrain][method][:, chosen].mean())
         return float(np.mean(areas))
 
-    def _resampled(self, resamples: int) -> Floats:
-        """Mean scores of all methods on resampled maps and seeds, shape (resamples, methods).
-
-        Maps are drawn with replacement, and for each drawn map its seeds, as a whole: all methods
-        and all conditions of a resample stand on the same ones.
-        """
-        rng = np.random.default_rng(0)
-        by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
-        total = np.zeros((resamples, len(self.methods)))
-        for _ in by_seed:
-            chosen = rng.integers(len(by_seed), size=resamples)
-            for number, area in enumerate(by_seed):
-                rows = np.flatnonzero(chosen == number)
-                drawn = rng.integers(area.shape[1], size=(len(rows), area.shape[1]))
-                total[rows] += area[:, drawn].mean(axis=2).T
-        return total / len(by_seed)
-
 
 def _over_maps(numbers: dict[str, Floats]) -> Floats:
     """Mean of each method over seeds and conditions of each map, and over maps, every map alike."""
     return np.mean([array.mean(axis=(1, 2)) for array in numbers.values()], axis=0)
 
 
-def _interval(mean: float, drawn: Floats, n: int) -> Interval:
-    if n < 2:
-        return Interval(float(mean), np.nan, np.nan, n)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return Interval(float(mean), float(low), float(high), n)
-
-
-def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float]:
-    """Area and final RMSE of a mission in standard deviations of its map, and its seconds."""
+def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float, float]:
+    """Area and final RMSE of a mission in deviations of its map, seconds, whether collapsed."""
     demand_whole(folder, [(mission.run, mission.seed)])
     curve, maps = (
         read_table(folder, name, mission.run, mission.seed).to_pandas()
@@ -319,7 +304,10 @@ def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float]:
     deviation = float(maps["truth"].std(ddof=0))
     area = mean_between(curve, float(curve["collected"].iloc[0]), np.inf)
     seconds = float(curve.filter(like="_seconds").to_numpy().sum())
-    return area / deviation, float(curve["rmse"].iloc[-1]) / deviation, seconds
+    last = curve.iloc[-1]
+    ended = ended_collapsed(folder, mission.run, mission.seed, last.to_dict())
+    collapsed = np.nan if ended is None else float(ended)
+    return area / deviation, float(last["rmse"]) / deviation, seconds, collapsed
 
 
 def _common_seeds(

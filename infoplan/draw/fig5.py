@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from infoplan.analyse.claims import METHODS
-from infoplan.analyse.curves import drawable, on_common_axis
-from infoplan.analyse.statistics import bootstrap_band
+from infoplan.analyse.curves import collapsed_ends, drawable, on_common_axis
+from infoplan.analyse.statistics import mean_band
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
 from infoplan.method_identity import NEVER_ERRS, PAPERS, PAPERS_CHOICES, Look, looks
@@ -58,8 +58,8 @@ def panels(selection: Selection) -> dict[str, tuple[float, str]]:
 def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> list[Path]:
     """Draw Fig. 5 from the runs that are there; returns its files.
 
-    A method's band is the pointwise 95 % percentile bootstrap interval of the mean over whole
-    seeds; a single seed has none. Infinite errors are gaps, and named.
+    A method's band is the pointwise 95 % t interval of the mean over seeds; a single seed has
+    none. Infinite errors are gaps, and named.
     """
     numbers, shown = plotted_numbers(selection), panels(selection)
     rows = -(-len(shown) // 2)
@@ -105,8 +105,9 @@ def plotted_numbers(selection: Selection) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a point of a curve: panel, rho, scope, method, collected, n (seeds), mean, low and
-        high over them, and ``seed_<k>``, the single seeds (NaN where a method lacks one).
+        One row a point of a curve: panel, rho, scope, method, collected, n (seeds), collapsed (how
+        many of them end with a collapsed model; NaN if that is not known), mean, low and high over
+        them, and ``seed_<k>``, the single seeds (NaN where a method lacks one).
     """
     frames = []
     for letter, (rho, scope) in panels(selection).items():
@@ -114,11 +115,14 @@ def plotted_numbers(selection: Selection) -> pd.DataFrame:
             run = selection.run(method, rho, scope)
             if run is None:
                 continue
-            curves = on_common_axis(load_curves(selection.only([run]))).droplevel("run", axis=1)
-            with np.errstate(invalid="ignore", over="ignore"):
-                mean, low, high = bootstrap_band(curves.to_numpy().T)
+            table = load_curves(selection.only([run]))
+            curves = on_common_axis(table).droplevel("run", axis=1)
+            mean, low, high = mean_band(curves.to_numpy().T)
+            ends = collapsed_ends(table, selection.results_dir).values()
+            collapsed = np.nan if None in ends else sum(map(bool, ends))
             frame = pd.DataFrame({"panel": letter, "rho": rho, "scope": scope, "method": method,
                                   "collected": curves.index, "n": curves.shape[1],
+                                  "collapsed": collapsed,
                                   "mean": mean, "low": low, "high": high})  # fmt: skip
             frames.append(frame.join(curves.add_prefix("seed_").reset_index(drop=True)))
     return pd.concat(frames, ignore_index=True)
