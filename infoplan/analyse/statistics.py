@@ -1,6 +1,6 @@
-"""Bootstrap over whole seeds, and differences paired by seed."""
+"""Bootstrap over whole seeds, differences paired by seed, and means over strata."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ Statistic = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean, plain or interquartile, with its 95 % percentile bootstrap interval over seeds.
+    """A mean, plain or interquartile, with its 95 % interval over seeds.
 
     Attributes
     ----------
@@ -151,3 +151,62 @@ def paired_difference(
 
 def _mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(values.mean(axis=-1))
+
+
+@dataclass(frozen=True)
+class StratifiedMean:
+    """Mean over strata, each of which counts alike, with its standard error.
+
+    Attributes
+    ----------
+    mean
+        Of the strata's means.
+    error
+        Its standard error; NaN if a stratum has a single value.
+    dof
+        Degrees of freedom of the error, after Welch and Satterthwaite.
+    n
+        Number of values.
+    """
+
+    mean: float
+    error: float
+    dof: float
+    n: int
+
+    def bound(self, probability: float) -> float:
+        """Bound that the true mean lies below with a probability; NaN if the error is unknown."""
+        from scipy.special import stdtrit
+
+        return self.mean + float(stdtrit(self.dof, probability)) * self.error
+
+    @property
+    def interval(self) -> Interval:
+        """The mean with its 95 % t interval."""
+        return Interval(self.mean, self.bound(0.025), self.bound(0.975), self.n)
+
+
+def stratified_mean(strata: Sequence[ArrayLike]) -> StratifiedMean:
+    """Mean over strata that are all there are, such as maps; values are drawn within each alone.
+
+    Parameters
+    ----------
+    strata
+        Independent values of each stratum, at least one; their number and variance may differ.
+
+    Returns
+    -------
+    StratifiedMean
+        Its t interval holds the truth as often as it says also with few strata, over which a
+        bootstrap has next to nothing to resample (Welch, 1947; Satterthwaite, 1946).
+    """
+    values = [np.asarray(stratum, dtype=float) for stratum in strata]
+    sizes = np.array([len(stratum) for stratum in values])
+    mean = float(np.mean([stratum.mean() for stratum in values]))
+    n = int(sizes.sum())
+    if sizes.min() < 2:
+        return StratifiedMean(mean, np.nan, np.nan, n)
+    squares = np.array([stratum.var(ddof=1) for stratum in values]) / sizes / len(values) ** 2
+    total = float(squares.sum())
+    shares = squares / total if total > 0 else (sizes - 1) / (sizes - 1).sum()
+    return StratifiedMean(mean, total**0.5, float(1 / np.sum(shares**2 / (sizes - 1))), n)

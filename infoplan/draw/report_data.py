@@ -30,7 +30,7 @@ from infoplan.analyse.stretches import load_scored_curves
 from infoplan.analyse.tables import Selection, load_samples
 from infoplan.backend import load_matplotlib
 from infoplan.config import is_survey
-from infoplan.draw.fig5 import PANELS
+from infoplan.draw.line_panels import PANELS
 from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.records import Footer
 from infoplan.study.store import read_footer, read_table, table_path
