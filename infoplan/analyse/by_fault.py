@@ -95,12 +95,7 @@ def by_fault(scores: pd.DataFrame) -> FaultTable:
             f"{_told(one)} does not count: most methods lack it"
             for one in sorted(_conditions(here) - set(counting[fault]))
         ]
-        strata = {
-            str(method): found
-            for method, of_method in here.groupby("method")
-            if (found := _strata(of_method, counting[fault]))
-        }
-        rows += _compared(fault, strata, references)
+        rows += _compared(fault, _strata(here, counting[fault]), references)
     cells = pd.DataFrame(rows, columns=CELL_COLUMNS)
     faults = tuple(fault for fault in counting if fault in set(cells["fault"]))
     notes += _uneven({fault: counting[fault] for fault in faults if fault != NO_FAULT})
@@ -142,22 +137,22 @@ def _counting(missions: pd.DataFrame) -> list[Condition]:
     return sorted(one for one, n in counts.items() if n > there["method"].nunique() / 2)
 
 
-def _strata(missions: pd.DataFrame, conditions: Sequence[Condition]) -> Strata:
-    """Mean area by seed on each map; nothing if the method lacks one of the conditions."""
-    strata = []
+def _strata(missions: pd.DataFrame, conditions: Sequence[Condition]) -> dict[str, Strata]:
+    """Mean area by seed on each map, of the methods that have all the conditions."""
+    # What is not finite stays so, what was not flown is NaN.
+    known = missions.assign(area=missions["area"].fillna(np.inf))
+    areas = known.pivot(index=["terrain", "method", "seed"], columns="rho", values="area")
+    of_maps = []
     for terrain in dict.fromkeys(one.terrain for one in conditions):
-        on_map = missions[missions["terrain"] == terrain]
-        by_seed = on_map.pivot(index="seed", columns="rho", values="area")
-        flown = on_map.assign(there=True).pivot(index="seed", columns="rho", values="there")
         rhos = [one.rho for one in conditions if one.terrain == terrain]
-        if not set(rhos) <= set(by_seed.columns):
-            return []
-        whole = flown[rhos].notna().all(axis=1)
-        if not whole.any():
-            return []
-        areas = by_seed.loc[whole, rhos]
-        strata.append(areas.mean(axis=1, skipna=False))
-    return strata
+        of_maps.append(areas.loc[terrain, rhos].dropna().mean(axis=1))
+    everyone = dict.fromkeys(missions["method"]) if of_maps else {}
+    there = [set(of_map.index.get_level_values("method")) for of_map in of_maps]
+    return {
+        str(method): [of_map.loc[method] for of_map in of_maps]
+        for method in everyone
+        if all(method in methods for methods in there)
+    }
 
 
 def _compared(fault: str, strata: dict[str, Strata], references: set[str]) -> list[dict[str, Any]]:
