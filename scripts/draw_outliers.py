@@ -18,7 +18,7 @@ from infoplan.draw.outliers import picture
 
 FOLDER = Path(__file__).parents[1] / "docs"
 SHIPPED = ["method", "fault", "rho", "terrain", "seed", "reference", "area", "final"]
-BLOCK = re.compile(r"(<!-- methods against faults: make outliers -->\n).*?(\n<!-- end -->)", re.S)
+BLOCK = re.compile(r"(<!-- methods against faults: make outliers -->\n).*?(<!-- end -->)", re.S)
 
 
 def take_scores(results_dir: Path, folder: Path = FOLDER) -> Path:
@@ -37,7 +37,9 @@ def draw_outliers(folder: Path = FOLDER) -> Path:
         picture(table).savefig(path, dpi=160)
     page = folder / "outliers.md"
     text = page.read_text(encoding="utf-8")
-    page.write_text(BLOCK.sub(lambda old: f"{old[1]}{markdown(table)}{old[2]}", text), "utf-8")
+    page.write_text(
+        BLOCK.sub(lambda old: f"{old[1]}\n{markdown(table)}\n\n{old[2]}", text), "utf-8"
+    )
     return path
 
 

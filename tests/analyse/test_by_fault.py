@@ -18,7 +18,7 @@ from infoplan.config import METHODS as CHOICES
 
 METHODS = ("uct-best", "uct-none", "uct-copod", "puct-copod")
 LEVELS = {"uct-best": 20, "uct-none": 80, "uct-copod": 61, "puct-copod": 60}
-SEEDS = range(4)
+SEEDS = range(3)
 
 
 def error(method: str, fault: str, rho: float, terrain: str, seed: int) -> float:
@@ -81,7 +81,7 @@ def test_the_figure_shows_scipys_intervals_of_the_stored_errors(results, capfd):
         found = areas(results, method, fault)
         mean, low, high = welch(*found)
         assert cell[["mean", "low", "high"]].to_list() == pytest.approx([mean, low, high])
-        assert cell["n"] == 8
+        assert cell["n"] == 6
         assert cell["reference"] == (method == "uct-best")
         contest = {m: np.mean(areas(results, m, fault)) for m, f in there
                    if f == fault and m != "uct-best"}  # fmt: skip
@@ -103,9 +103,7 @@ def test_the_figure_shows_scipys_intervals_of_the_stored_errors(results, capfd):
 
 
 def test_a_folder_of_several_faults_gets_the_figure_unasked(results, capfd):
-    main(["figures", "terrain=volcano", "fault=spike", f"results_dir={results}"])
-    assert "outliers.png" not in capfd.readouterr().out
-    main(["figures", "terrain=volcano", f"results_dir={results}"])
+    main(["figures", "terrain=volcano", "rho=0.1", "method=uct-none", f"results_dir={results}"])
     assert "outliers.png" in capfd.readouterr().out
 
 
@@ -159,7 +157,7 @@ def test_the_leaderboard_tells_the_cells_in_three_shapes(results, capfd, monkeyp
     line = ["leaderboard", f"results_dir={results}"]
     assert main([*line, "--markdown"]) == 0
     said = capfd.readouterr().out.partition("| method | none |")[2]
-    rows = [row.strip("| ").split(" |") for row in said.splitlines() if row.startswith("| ")]
+    rows = [row[2:-2].split(" | ") for row in said.splitlines() if row.startswith("| ")]
     assert rows[0][0] == "UCT-BEST (true labels)"
     written = {row[0]: [cell.strip() for cell in row[1:]] for row in rows}
     assert list(written)[1:] == list(table.methods)[1:]
@@ -198,7 +196,7 @@ def test_errors_that_are_not_finite_are_told_and_win_nothing(tmp_path, capfd):
     assert main(["figures", "outliers", f"results_dir={tmp_path}"]) == 0
     shown = pd.read_csv(capfd.readouterr().out.split()[2]).set_index(["method", "fault"])
     cell = shown.loc[("UCT-COPOD", "stuck")]
-    assert (cell["lost"], cell["n"]) == (1, 4)
+    assert (cell["lost"], cell["n"]) == (1, 3)
     assert np.isnan(cell[["mean", "low", "high", "behind"]].to_list()).all()
     assert not cell["among_best"]
     assert shown.loc[("PUCT-COPOD", "stuck"), "behind"] == 0
@@ -215,6 +213,16 @@ def test_a_single_seed_has_no_interval_and_tells_nothing_apart(tmp_path, capfd):
     assert shown["low"].isna().all()
     assert shown["among_best"].all()
 
+    assert main(["report", f"results_dir={tmp_path}"]) == 0
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert 'href="#faults"' in text
+    assert "a cell with a single seed on a map has no interval" in text
+    page = Cells()
+    page.feed(text)
+    assert page.rows[0] == ["method", "none", "spike", "stuck"]
+    stuck = [error("uct-none", "stuck", rho, "volcano", 0) / 100 for rho in (0.1, 0.2)]
+    assert {row[0]: row[3] for row in page.rows[1:]}["UCT-NONE"] == f"{np.mean(stuck):.2f}*"
+
 
 def scores(values: dict[str, np.ndarray]) -> pd.DataFrame:
     """Missions of methods, an array faults x maps x seeds each."""
@@ -230,33 +238,33 @@ def scores(values: dict[str, np.ndarray]) -> pd.DataFrame:
 
 
 def test_intervals_and_the_set_of_the_best_hold_what_they_promise():
-    # Each fault is a study of its own: 600 of two unlike maps with three and five seeds in turn.
+    # Each fault is a study of its own: 240 of two unlike maps and five seeds.
     rng = np.random.default_rng(5)
     spread = np.array([0.05, 0.2])[:, None]
     truth = 1.0
-    drawn = {f"m{k}": truth + rng.normal(size=(600, 2, 5)) * spread for k in range(6)}
-    drawn["worse"] = 3 * truth + rng.normal(size=(600, 2, 5)) * spread
+    drawn = {f"m{k}": truth + rng.normal(size=(240, 2, 5)) * spread for k in range(6)}
+    drawn["worse"] = 3 * truth + rng.normal(size=(240, 2, 5)) * spread
     cells = by_fault(scores(drawn)).cells.set_index(["method", "fault"])
-    fair = cells.drop(index="worse")
+    fair = cells.drop("worse", level="method")
     covered = ((fair["low"] <= truth) & (truth <= fair["high"])).mean()
-    assert covered == pytest.approx(0.95, abs=0.012)  # of 3600
+    assert covered == pytest.approx(0.95, abs=0.018)  # of 1440
     # All six are the best: any of them may be called so, and is with 95 % or more.
     kept = fair["among_best"].groupby("method").mean()
-    assert kept.min() >= 0.95 - 2.5 * np.sqrt(0.95 * 0.05 / 600)
+    assert kept.min() >= 0.95 - 2.5 * np.sqrt(0.95 * 0.05 / 240)
     assert kept.max() < 1
     assert not cells.loc["worse", "among_best"].any()
 
 
 def test_a_pair_on_common_noise_is_told_apart_where_its_means_are_not():
     rng = np.random.default_rng(6)
-    common = rng.normal(size=(200, 2, 5))
+    common = rng.normal(size=(100, 2, 5))
     drawn = {"one": 5 + common, "two": 5.2 + common + 0.05 * rng.normal(size=common.shape)}
     cells = by_fault(scores(drawn)).cells.set_index(["method", "fault"])
     overlap = cells.loc["one", "high"] > cells.loc["two", "low"]
     assert overlap.mean() > 0.95
     assert cells.loc["two", "among_best"].mean() < 0.05
     behind = cells.loc["two", "behind_at_least"]
-    assert (behind < 0.2).mean() == pytest.approx(0.95, abs=0.035)
+    assert (behind < 0.2).mean() == pytest.approx(0.95, abs=0.06)
 
 
 def test_a_condition_that_most_methods_lack_does_not_count():

@@ -40,8 +40,6 @@ def test_the_interval_of_three_unlike_strata_holds_the_truth_as_often_as_it_says
     assert held / 3000 == pytest.approx(0.95, abs=0.012)
 
 
-
-
 def test_too_few_or_equal_values():
     single = stratified_mean([[1.0], [3.0, 5.0]])
     assert single.mean == 2.5

