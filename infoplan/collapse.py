@@ -36,6 +36,17 @@ def has_collapsed(
     return None if np.isnan(smaller) else smaller < spacing * (1.0 - ROUNDING)
 
 
+def counted_ends(ends: Sequence[bool | None]) -> tuple[int, int]:
+    """Count the missions that have ended collapsed, and those of which it is known."""
+    known = [end for end in ends if end is not None]
+    return sum(known), len(known)
+
+
+def share_text(count: int, known: int) -> str:
+    """Write how many missions of a run have ended collapsed: ``3 of 10``; a dash if unknown."""
+    return f"{count} of {known}" if known else "-"
+
+
 def collapse_sentence(ends: Sequence[bool | None]) -> str:
     """Say how many missions have ended so, and what helps.
 
@@ -49,11 +60,10 @@ def collapse_sentence(ends: Sequence[bool | None]) -> str:
     str
         A sentence without its full stop; empty if none has.
     """
-    known = [end for end in ends if end is not None]
-    count = sum(known)
+    count, known = counted_ends(ends)
     if not count:
         return ""
-    missions = f"{count} of {len(known)} missions end" if len(known) > 1 else "the mission ends"
+    missions = f"{count} of {known} missions end" if known > 1 else "the mission ends"
     whose = "their model has" if count > 1 else "its model has"
     return (
         f"{missions} with a lengthscale below the distance of two samples: {whose} collapsed; try "

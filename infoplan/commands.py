@@ -285,6 +285,62 @@ def survey(
 
 
 @infoplan.command(
+    "next", cls=Command, more=options_of("AHEAD"),
+    help="Plan where to go after a survey: a track as CSV, GPX, GeoJSON and mission.",
+    examples=["infoplan next survey-track budget=500",
+              "infoplan next 1a2b3c4d budget=2000 inside=bay.geojson turning_radius=3 speed=2",
+              "infoplan next 1a2b3c4d budget=500 from=44.39,-68.21 heading=90"],
+)  # fmt: skip
+@run_setting("which survey, as infoplan status lists them")
+@RESULTS
+@setting("budget", Number(min=0, min_open=True), "length of the track", unit="m")
+@setting("from", Text(), "where it starts, LAT,LON or metres; where the survey ended if left out")
+@setting("heading", Number(min=-360, max=360), "with which heading, clockwise from north; as the "
+         "survey ended, or any other, if left out", unit="degrees")  # fmt: skip
+@setting("inside", Text(), "polygon that it stays in: GeoJSON file, or [[LAT,LON],...]; the hull "
+         "of the survey's track if left out")  # fmt: skip
+@setting("avoid", Text(), "no-go zones: GeoJSON file, or a list of such polygons")
+@setting("turning_radius", Number(min=0, min_open=True), "of the vehicle; the track turns no "
+         "tighter", unit="m", default=5.0)  # fmt: skip
+@setting("speed", Number(min=0, min_open=True), "of the vehicle", unit="m/s", default=1.5)
+@setting("step", Number(min=0, min_open=True), "distance of two samples; as in the survey if left "
+         "out", unit="m")  # fmt: skip
+@setting("plans", click.IntRange(min=1, max=1000), "of so many plans at a time the best is driven",
+         default=8)  # fmt: skip
+@setting("altitude", Number(), "of the mission's waypoints above home", unit="m", default=0.0)
+@TRUST
+def plan_next(
+    run: str | None,
+    results_dir: Path,
+    budget: float | None,
+    from_: str | None,
+    heading: float | None,
+    inside: str | None,
+    avoid: str | None,
+    turning_radius: float,
+    speed: float,
+    step: float | None,
+    plans: int,
+    altitude: float,
+    trust: bool,
+    overrides: list[str],
+) -> int:
+    """Plan a track after a survey."""
+    from infoplan.next_command import Trip, plan_next
+
+    if not isinstance(run, str) or budget is None:
+        from infoplan.text_options import as_command
+
+        raise UsageError(
+            "infoplan next takes one stored survey, by its name or its hash, which "
+            f"{as_command('infoplan status', results_dir)} lists, and the length of the track in "
+            "metres, like budget=500"
+        )
+    trip = Trip(budget, from_, heading, inside, avoid, turning_radius, speed, step, plans, altitude)
+    return plan_next(results_dir, run, trip, trust, overrides)
+
+
+@infoplan.command(
     "status", cls=Command, more=options_of("STATUS"),
     help="What is done, failed and missing, of all stored runs or of a study.",
     examples=["infoplan status", "infoplan status experiment=fig5 seeds=20"],
@@ -358,25 +414,30 @@ def figures(
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="write them for scripts")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
+@click.option("--csv", "as_csv", is_flag=True, help="write what is compared, seed by seed")
 def claims(
     results_dir: Path,
     run: str | list[str] | None,
     as_json: bool,
     as_markdown: bool,
+    as_csv: bool,
     filters: dict[str, Any],
 ) -> int:
     """Judge the claims."""
     from infoplan.analyse.claims import judge_claims
+    from infoplan.draw.claims_table import as_csv as to_csv
     from infoplan.draw.claims_table import as_json as to_json
     from infoplan.draw.claims_table import markdown, print_claims
     from infoplan.draw.console import wide_console
 
-    if as_json and as_markdown:
-        raise UsageError("claims are written as --json or as --markdown, not both")
+    if as_json + as_markdown + as_csv > 1:
+        raise UsageError("claims are written as --json, --markdown or --csv: choose one")
     study = _study(results_dir, run, filters)
     judged = judge_claims(study)
     if as_json:
         print(to_json(judged, study))
+    elif as_csv:
+        print(to_csv(judged))
     elif as_markdown:
         print(markdown(judged, study))
     else:

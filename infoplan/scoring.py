@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from infoplan.belief import Belief, number_of
+from infoplan.answers import number_of
+from infoplan.belief import Belief
 from infoplan.collapse import has_collapsed
 from infoplan.config import OwnModelConfig, is_survey
 from infoplan.errors import RunError

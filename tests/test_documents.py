@@ -58,6 +58,7 @@ def small(command: str) -> list[str]:
     added = {
         "run": [name for name in SMALL if not (no_tree and name == "planner.iterations")],
         "replay": ["backend"],
+        "next": [] if no_tree else ["planner.iterations"],
         "survey": ["grid", "model.pilot_iterations", "model.iterations"],
     }
     return [*words, *[f"{o}={SMALL[o]}" for o in added.get(words[0], []) if o not in said]]

@@ -145,7 +145,8 @@ def _strata(missions: pd.DataFrame, conditions: Sequence[Condition]) -> dict[str
     of_maps = []
     for terrain in dict.fromkeys(one.terrain for one in conditions):
         rhos = [one.rho for one in conditions if one.terrain == terrain]
-        of_maps.append(areas.loc[terrain, rhos].dropna().mean(axis=1))
+        on_map: Any = areas.loc[terrain, rhos]
+        of_maps.append(on_map.dropna().mean(axis=1))
     everyone = dict.fromkeys(missions["method"]) if of_maps else {}
     there = [set(of_map.index.get_level_values("method")) for of_map in of_maps]
     return {
@@ -176,7 +177,7 @@ def _compared(fault: str, strata: dict[str, Strata], references: set[str]) -> li
 def _cell(method: str, fault: str, strata: Strata) -> dict[str, Any]:
     areas = np.concatenate([stratum.to_numpy() for stratum in strata])
     lost = int(np.sum(~np.isfinite(areas)))
-    found = None if lost else stratified_mean(strata).interval
+    found = None if lost else stratified_mean(strata)
     return {
         "method": method,
         "fault": fault,
@@ -198,8 +199,8 @@ def _behind(strata: Strata, best: Strata, comparisons: int) -> tuple[float, floa
     differences = [(own - other).dropna() for own, other in zip(strata, best, strict=True)]
     if not all(map(len, differences)):
         return np.nan, np.nan
-    found = stratified_mean(differences)
-    return found.mean, found.bound(0.05 / comparisons)
+    found = stratified_mean(differences, 1 - 2 * 0.05 / comparisons)
+    return found.mean, found.low
 
 
 def _ordered(cells: pd.DataFrame) -> tuple[str, ...]:

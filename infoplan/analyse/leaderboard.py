@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from infoplan.analyse.by_fault import FaultTable, by_fault
 from infoplan.analyse.mission_scores import Condition, read_scores
-from infoplan.analyse.statistics import RESAMPLES, Interval
+from infoplan.analyse.statistics import Interval, probability_below_zero, stratified_mean
 from infoplan.errors import UsageError
 from infoplan.files import user_path
 
@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 
 Key = tuple[str, Condition, int]
 """A mission: the label of its method, its condition, its seed."""
+
+Numbers = tuple[float, float, float, float]
+"""Its area, final RMSE, seconds, and whether its model has collapsed."""
 
 
 @dataclass(frozen=True)
@@ -31,25 +34,31 @@ class Standing:
     method
         Its label, as in all drawings, and the options that methods of this label differ in.
     score
-        Mean normalised area over maps, faults, rhos and seeds; its interval from a bootstrap over
-        maps and over whole seeds of each.
+        Mean normalised area over maps, faults, rhos and seeds; its t interval on these maps, over
+        the seeds of each.
     behind
-        Score less that of the first, resampled together with it: paired by map and seed.
+        Score less that of the first, paired by map and seed.
+    beaten
+        Probability that the first has the smaller area, by map and seed.
     by_rho, by_map
         Means by share of outliers, and by map.
     final
         Mean RMSE at the budget, in standard deviations of the map.
     seconds
         Mean computing time of a mission.
+    collapsed
+        Share of the missions that end with a collapsed model; NaN if that is not known of all.
     """
 
     method: str
     score: Interval
     behind: Interval
+    beaten: Interval
     by_rho: dict[float, float]
     by_map: dict[str, float]
     final: float
     seconds: float
+    collapsed: float
 
 
 @dataclass(frozen=True)
@@ -87,8 +96,6 @@ class Leaderboard:
 def rank(
     results_dir: str | Path,
     filters: dict[str, Any] | None = None,
-    *,
-    resamples: int = RESAMPLES,
 ) -> Leaderboard:
     """Rank the methods of a results folder.
 
@@ -96,8 +103,6 @@ def rank(
     ----------
     results_dir, filters
         As of `infoplan.analyse.mission_scores.read_scores`.
-    resamples
-        Bootstrap resamples, drawn from a fixed seed.
 
     Returns
     -------
@@ -138,19 +143,18 @@ def rank(
             f"faults, rhos and seeds, out of {', '.join(everyone)}: run more, or choose with "
             "rho=, terrain= or the like"
         )
-    board = _Scores(where, ranked, counting, seeds).standings(resamples, read.budget)
+    board = _Scores(where, ranked, counting, seeds).standings(read.budget)
     several = read.table["fault"].nunique() > 1
     return replace(board, notes=tuple(notes), by_fault=by_fault(read.table) if several else None)
 
 
-def _by_key(table: pd.DataFrame) -> dict[Key, tuple[float, float, float]]:
-    """Area, final and seconds of every mission."""
-    rows: Any = table[
-        ["method", "terrain", "fault", "rho", "seed", "area", "final", "seconds"]
-    ].itertuples(index=False, name=None)
+def _by_key(table: pd.DataFrame) -> dict[Key, Numbers]:
+    """Area, final, seconds and collapsed of every mission."""
+    names = ["method", "terrain", "fault", "rho", "seed", "area", "final", "seconds", "collapsed"]
+    rows: Any = table[names].itertuples(index=False, name=None)
     return {
-        (method, Condition(terrain, fault, rho), seed): (area, final, seconds)
-        for method, terrain, fault, rho, seed, area, final, seconds in rows
+        (method, Condition(terrain, fault, rho), seed): (area, final, seconds, collapsed)
+        for method, terrain, fault, rho, seed, area, final, seconds, collapsed in rows
     }
 
 
@@ -159,7 +163,7 @@ class _Scores:
 
     def __init__(
         self,
-        where: dict[Key, tuple[float, float, float]],
+        where: dict[Key, Numbers],
         methods: list[str],
         conditions: set[Condition],
         seeds: dict[str, list[int]],
@@ -175,30 +179,32 @@ class _Scores:
             )
             for terrain, common in seeds.items()
         }
-        self.area, self.final, self.seconds = (
-            {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(3)
+        self.area, self.final, self.seconds, self.collapsed = (
+            {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(4)
         )
 
-    def standings(self, resamples: int, budget: int) -> Leaderboard:
+    def standings(self, budget: int) -> Leaderboard:
         """Rank by the mean area."""
         means = _over_maps(self.area)
         order = np.argsort(means, kind="stable")
-        drawn = self._resampled(resamples)
+        by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
         best = order[0]
-        n = sum(len(common) for common in self.seeds.values())
         conditions = [one for listed in self.conditions.values() for one in listed]
         rhos = sorted({one.rho for one in conditions})
         faults = sorted({one.fault for one in conditions})
         finals, seconds = _over_maps(self.final), _over_maps(self.seconds)
+        collapsed = _over_maps(self.collapsed)
         rows = [
             Standing(
                 self.methods[m],
-                _interval(means[m], drawn[:, m], n),
-                _interval(means[m] - means[best], drawn[:, m] - drawn[:, best], n),
+                stratified_mean(areas[m] for areas in by_seed),
+                stratified_mean(areas[m] - areas[best] for areas in by_seed),
+                probability_below_zero(areas[best] - areas[m] for areas in by_seed),
                 {rho: self._at(m, rho) for rho in rhos},
                 {terrain: float(area[m].mean()) for terrain, area in self.area.items()},
                 float(finals[m]),
                 float(seconds[m]),
+                float(collapsed[m]),
             )
             for m in order
         ]  # fmt: skip
@@ -216,34 +222,10 @@ class _Scores:
                 areas.append(self.area[terrain][method][:, chosen].mean())
         return float(np.mean(areas))
 
-    def _resampled(self, resamples: int) -> Floats:
-        """Mean scores of all methods on resampled maps and seeds, shape (resamples, methods).
-
-        Maps are drawn with replacement, and for each drawn map its seeds, as a whole: all methods
-        and all conditions of a resample stand on the same ones.
-        """
-        rng = np.random.default_rng(0)
-        by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
-        total = np.zeros((resamples, len(self.methods)))
-        for _ in by_seed:
-            chosen = rng.integers(len(by_seed), size=resamples)
-            for number, area in enumerate(by_seed):
-                rows = np.flatnonzero(chosen == number)
-                drawn = rng.integers(area.shape[1], size=(len(rows), area.shape[1]))
-                total[rows] += area[:, drawn].mean(axis=2).T
-        return total / len(by_seed)
-
 
 def _over_maps(numbers: dict[str, Floats]) -> Floats:
     """Mean of each method over seeds and conditions of each map, and over maps, every map alike."""
     return np.mean([array.mean(axis=(1, 2)) for array in numbers.values()], axis=0)
-
-
-def _interval(mean: float, drawn: Floats, n: int) -> Interval:
-    if n < 2:
-        return Interval(float(mean), np.nan, np.nan, n)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return Interval(float(mean), float(low), float(high), n)
 
 
 def _common_seeds(

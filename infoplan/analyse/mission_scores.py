@@ -24,6 +24,7 @@ from infoplan.files import user_path
 from infoplan.method_identity import SPIKE, Method, labels, method_of
 from infoplan.options import plain_number
 from infoplan.study.store import read_table
+from infoplan.study.stored_curves import ended_collapsed
 from infoplan.text_options import as_command
 from infoplan.wording import counted
 
@@ -32,6 +33,7 @@ CONDITIONS = ("terrain", "fault", "rho")
 
 COLUMNS = (
     "method", "fault", "rho", "terrain", "seed", "reference", "area", "final", "seconds",
+    "collapsed",
 )  # fmt: skip
 """Of a table of scores."""
 
@@ -92,7 +94,8 @@ class MissionScores:
     table
         One row a mission: the columns `COLUMNS`. ``reference`` is true if the detector is given the
         true labels; ``area`` and ``final``, the RMSE at the budget, are in standard deviations of
-        the map, not finite where an error is not; ``seconds`` is the computing time.
+        the map, not finite where an error is not; ``seconds`` is the computing time, ``collapsed``
+        1 if the mission ends with a collapsed model, 0 if not, NaN if that is not known.
     budget
         Samples of a mission.
     notes
@@ -157,8 +160,8 @@ def stored_faults(results_dir: str | Path, filters: Mapping[str, Any] | None = N
     }
 
 
-def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float]:
-    """Area and final RMSE of a mission in standard deviations of its map, and its seconds."""
+def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float, float]:
+    """Area and final RMSE of a mission in deviations of its map, seconds, whether collapsed."""
     curve, maps = (
         read_table(folder, name, mission.run, mission.seed).to_pandas()
         for name in ("curves", "maps")
@@ -166,7 +169,10 @@ def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float]:
     deviation = float(maps["truth"].std(ddof=0))
     area = mean_between(curve, float(curve["collected"].iloc[0]), np.inf)
     seconds = float(curve.filter(like="_seconds").to_numpy().sum())
-    return area / deviation, float(curve["rmse"].iloc[-1]) / deviation, seconds
+    last = curve.iloc[-1]
+    ended = ended_collapsed(folder, mission.run, mission.seed, last.to_dict())
+    collapsed = np.nan if ended is None else float(ended)
+    return area / deviation, float(last["rmse"]) / deviation, seconds, collapsed
 
 
 def _chosen(folder: Path, filters: Mapping[str, Any]) -> list[Entry]:

@@ -13,8 +13,8 @@ from infoplan.draw.line_panels import draw_panels, panel_numbers
 def draw(selection: Selection, folder: Path) -> list[Path]:
     """Draw the share of the query grid's nodes within central intervals; returns its files.
 
-    A line a method with its pointwise 95 % percentile bootstrap band over whole seeds, from the
-    runs that are there. On the grey diagonal a model is calibrated; below it, too sure.
+    A line a method with its pointwise 95 % t interval over seeds, from the runs that are there. On
+    the grey diagonal a model is calibrated; below it, too sure.
     """
     numbers = panel_numbers(selection, coverage)
     labels = ("level of the interval", "share of the map within")

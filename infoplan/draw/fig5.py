@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from infoplan.analyse.claims import METHODS
-from infoplan.analyse.curves import on_common_axis
+from infoplan.analyse.curves import collapsed_ends, on_common_axis
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
 from infoplan.draw.line_panels import PANELS, draw_panels, panel_numbers
@@ -23,8 +24,8 @@ NEEDS = tuple(
 def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> list[Path]:
     """Draw Fig. 5 from the runs that are there; returns its files.
 
-    A method's band is the pointwise 95 % percentile bootstrap interval of the mean over whole
-    seeds; a single seed has none. Infinite errors are gaps, and named.
+    A method's band is the pointwise 95 % t interval of the mean over seeds; a single seed has
+    none. Infinite errors are gaps, and named.
     """
     numbers = plotted_numbers(selection)
     unit = style.inert(selection.unit, style.LONGEST_UNIT)
@@ -38,11 +39,25 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
         return style.save(figure, folder, "fig5", numbers)
 
 
-def _curves(run: Selection) -> pd.DataFrame:
-    """RMSE of a run after numbers of collected samples, a column a seed."""
-    return on_common_axis(load_curves(run)).droplevel("run", axis=1)
-
-
 def plotted_numbers(selection: Selection) -> pd.DataFrame:
-    """Return what the figure shows, as of `panel_numbers` over ``collected``."""
-    return panel_numbers(selection, _curves)
+    """Return what the figure shows.
+
+    Returns
+    -------
+    DataFrame
+        As of `panel_numbers` over ``collected``, with ``collapsed``: how many of the seeds end with
+        a collapsed model; NaN if that is not known.
+    """
+    collapsed: dict[str, float] = {}
+
+    def lines(run: Selection) -> pd.DataFrame:
+        curves = load_curves(run)
+        ends = collapsed_ends(curves, run.results_dir).values()
+        (name,) = run.options
+        collapsed[name] = np.nan if None in ends else sum(map(bool, ends))
+        return on_common_axis(curves).droplevel("run", axis=1)
+
+    numbers = panel_numbers(selection, lines)
+    where = list(numbers).index("n") + 1
+    numbers.insert(where, "collapsed", numbers["run"].map(collapsed))
+    return numbers

@@ -41,12 +41,12 @@ def print_leaderboard(board: Leaderboard, console: Console) -> None:
     Where there are several faults, a table by fault follows.
     """
     named = columns(board)
-    first_map = 4 + len(board.rhos)
+    first_map = 5 + len(board.rhos)
     shown = [
         TextColumn(
             name,
             right=name != "method",
-            spare=number if first_map <= number < len(named) - 2 else 0,
+            spare=number if first_map <= number < len(named) - 3 else 0,
         )
         for number, name in enumerate(named)
     ]
@@ -136,8 +136,10 @@ def heading(board: Leaderboard) -> str:
 def columns(board: Leaderboard) -> list[str]:
     """Name the columns."""
     return ["", "method", "area [95 %]", "behind the first",
+            "first is better",
             *(f"rho {plain_number(rho)}" for rho in board.rhos),
-            *(board.maps if len(board.maps) > 1 else ()), "final", "s a mission"]  # fmt: skip
+            *(board.maps if len(board.maps) > 1 else ()), "final",
+            "collapsed", "s a mission"]  # fmt: skip
 
 
 def cells(number: int, standing: Standing, digits: int) -> list[str]:
@@ -148,24 +150,27 @@ def cells(number: int, standing: Standing, digits: int) -> list[str]:
         standing.method,
         _interval(standing.score, digits),
         _interval(standing.behind, digits) if number > 1 else "",
+        _interval(standing.beaten, 2) if number > 1 else "",
         *(f"{score:.{digits}f}" for score in standing.by_rho.values()),
         *(f"{score:.{digits}f}" for score in by_map),
         f"{standing.final:.{digits}f}",
+        "-" if math.isnan(standing.collapsed) else f"{100 * standing.collapsed:.0f} %",
         f"{standing.seconds:.1f}",
     ]
 
 
 def remarks(board: Leaderboard) -> list[str]:
     """Say how to read the table, and what was left out."""
+    these = "these maps" if len(board.maps) > 1 else "this map"
     lines = [
         "area: mean RMSE from the pilot's end to the budget, divided by the standard deviation of "
         "the map, so that maps can be averaged; 0 is perfect, 1 no better than the map's mean",
-        "intervals: bootstrap over maps and over whole seeds of each map; methods whose distance "
-        "to the first, paired by map and seed, has an interval that reaches 0 are not told apart "
-        "from it",
+        f"intervals: 95 %, over the seeds of {these}, and for {these} alone; methods whose "
+        "distance to the first, paired by map and seed, has an interval that reaches 0 are not "
+        "told apart from it",
+        "first is better: probability that the first has the smaller area on the same map and seed",
+        "collapsed: missions that end with a collapsed model, of which a mean says little",
     ]
-    if len(board.maps) < 5:
-        lines.append("with fewer than 5 maps the intervals are rough: there is little to resample")
     return [*lines, *board.notes]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from infoplan.analyse.curves import drawable
-from infoplan.analyse.statistics import bootstrap_band
+from infoplan.analyse.statistics import mean_band
 from infoplan.analyse.tables import Selection
 from infoplan.draw import style
 from infoplan.method_identity import NEVER_ERRS, PAPERS, Look, looks
@@ -60,8 +60,8 @@ def panel_numbers(selection: Selection, lines: Callable[[Selection], pd.DataFram
     Returns
     -------
     DataFrame
-        One row a point of a line: panel, rho, scope, method, the index, n (seeds), mean, low and
-        high over them (pointwise 95 % bootstrap band), and ``seed_<k>``, the single seeds (NaN
+        One row a point of a line: panel, rho, scope, method, run, the index, n (seeds), mean, low
+        and high over them (pointwise 95 % t interval), and ``seed_<k>``, the single seeds (NaN
         where a method lacks one).
     """
     frames = []
@@ -71,10 +71,9 @@ def panel_numbers(selection: Selection, lines: Callable[[Selection], pd.DataFram
             if run is None:
                 continue
             seeds = lines(selection.only([run]))
-            with np.errstate(invalid="ignore", over="ignore"):
-                mean, low, high = bootstrap_band(seeds.to_numpy().T)
+            mean, low, high = mean_band(seeds.to_numpy().T)
             frame = pd.DataFrame({"panel": letter, "rho": rho, "scope": scope, "method": method,
-                                  seeds.index.name: seeds.index, "n": seeds.shape[1],
+                                  "run": run, seeds.index.name: seeds.index, "n": seeds.shape[1],
                                   "mean": mean, "low": low, "high": high})  # fmt: skip
             frames.append(frame.join(seeds.add_prefix("seed_").reset_index(drop=True)))
     return pd.concat(frames, ignore_index=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from infoplan.analyse.by_fault import by_fault
-from infoplan.analyse.claims import METHODS, WORDS, judge_claims
+from infoplan.analyse.claims import METHODS, judge_claims
 from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
@@ -21,6 +21,7 @@ from infoplan.analyse.mission_scores import read_scores
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
+from infoplan.collapse import collapse_sentence
 from infoplan.config import is_survey
 from infoplan.draw import claims_table, fault_table
 from infoplan.draw.report_data import (
@@ -229,7 +230,7 @@ def _summary(
         f"of each batch becomes outliers. {_method_words(selection)}",
         f"The page shows {counted(int(runs.sum()), 'finished mission')} of "
         f"{counted(len(runs), 'run')}, {seeds} seed{'' if seeds == '1' else 's'} a run. Numbers "
-        "are means over seeds, with 95 % bootstrap intervals over whole seeds in brackets.",
+        "are means over seeds, with 95 % t intervals in brackets.",
     ]
     if is_survey(selection.terrain):
         introduction = [
@@ -248,7 +249,8 @@ def _summary(
         if (names := [_anchor(claim.name) for claim in claims if claim.verdict == verdict])
     )
     lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
-    lines += [findings.collapse] if findings.collapse else []
+    told_collapse = collapse_sentence(list(findings.ends.values()))
+    lines += [told_collapse] if told_collapse else []
     cautions = [f"<p>{_html(_sentence(line))}</p>" for line in lines]
     return (
         "".join(f"<p>{_html(text)}</p>" for text in introduction)
@@ -337,6 +339,9 @@ def _finals(selection: Selection, panels: Sequence[Panel], findings: Findings) -
                 for method in methods]  # fmt: skip
         headings = ["method", *(panel.title for panel in panels)]
         tables.append(_table(headings, rows, caption=f"{what} ({selection.unit})"))
+    rows = [[method, *(findings.collapsed(panel.runs[method]) if method in panel.runs else "–"
+                       for panel in panels)] for method in methods]  # fmt: skip
+    tables.append(_table(headings, rows, caption="missions that end with a collapsed model"))
     return "".join(tables)
 
 
@@ -374,7 +379,7 @@ def _calibration(
     ]
     return (
         "<p>Share of the query grid whose truth lies within the final model's central interval of "
-        "a level: mean over seeds, with a pointwise 95 % bootstrap band over whole seeds. On the "
+        "a level: mean over seeds, with a pointwise 95 % interval over seeds. On the "
         "diagonal a model is calibrated; below it, it is too sure of itself.</p>"
         '<div class="toolbar"><div class="legend" data-legend="calibration" role="group" '
         'aria-label="Lines shown"></div></div><div class="panels" id="calibration-panels"></div>'
@@ -396,7 +401,8 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
     if not claims:
         return told
     scales = _scales(claims)
-    headings = ("claim, and what was compared", "effect [95 %]", "", "stated", "seeds", "verdict")
+    headings = ("claim, and what was compared", "effect [95 %]", "", "p", "stated", "seeds",
+                "verdict")  # fmt: skip
     head = "".join(f'<th role="columnheader" scope="col">{_html(text)}</th>' for text in headings)
     lacking: dict[str, list[str]] = {}
     for claim in claims:
@@ -409,9 +415,12 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
     )
     return (
         "<p>A claim is supported if every comparison it names has its 95 % interval on the side "
-        "stated, contradicted if one lies wholly on the other side, else undecided. Differences "
-        "are paired by seed. In the small pictures the shaded side is the one stated; all that "
-        f"have one unit have one scale: {_html(_scale_words(scales))}.</p>{told}"
+        "stated, contradicted if one lies on the other side by an interval that is widened for the "
+        "number of comparisons, else undecided; under six seeds it is undecided. Differences are "
+        "paired by seed; p is exact, by sign flips. In the small pictures the shaded side is the "
+        "one stated, each stroke a seed; all that have one unit have one scale: "
+        f"{_html(_scale_words(scales))}.</p>"
+        f"<p>{_html(_sentence(claims_table.holm_words(claims)))}</p>{told}"
         f'<table class="claims" role="table"><thead role="rowgroup"><tr role="row">{head}</tr>'
         f"</thead>{''.join(_claim(claim, scales) for claim in claims)}</table>"
         + (f'<div class="note">{notes}</div>' if notes else "")
@@ -419,11 +428,11 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
 
 
 def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
-    advice = claims_table.advice(claim)
+    told = "; ".join(claims_table.cautions(claim))
     rows = [
         f'<tr class="claim" role="row" id="{_html(claim.name)}">'
-        f'<th role="rowheader" scope="rowgroup" colspan="5">{_html(f"{claim.name}: {claim.text}")}'
-        + (f'<br><span class="muted">{_html(_sentence(advice))}</span>' if advice else "")
+        f'<th role="rowheader" scope="rowgroup" colspan="6">{_html(f"{claim.name}: {claim.text}")}'
+        + (f'<br><span class="muted">{_html(_sentence(told))}</span>' if told else "")
         + f'</th><td role="cell">{_chip(claim.verdict)}</td></tr>'
     ]
     for item in claim.comparisons:
@@ -432,6 +441,7 @@ def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
             ("compared", "", _html(item.what)),
             ("number", "", _html(claims_table.effect(item))),
             ("picture", "", _whisker(item, scales)),
+            ("number", "p", _html(claims_table.exact_p(item))),
             ("number", "stated", _html(side)),
             ("number", "seeds", str(item.effect.n)),
             (item.verdict, "", _html(item.verdict)),
@@ -447,9 +457,8 @@ def _chip(verdict: str) -> str:
 
 
 def _unit(item: Comparison) -> str:
-    """Name the unit of an effect's axis: without one it counts false alarms, or is a share."""
-    counts = item.what.endswith(f": {WORDS['fp']}")
-    return item.unit or (WORDS["fp"] if counts else "shares")
+    """Name the unit of an effect's axis: without one it is a share."""
+    return item.unit or "shares"
 
 
 def _scales(claims: Sequence[Claim]) -> dict[str, Scale]:
@@ -457,7 +466,8 @@ def _scales(claims: Sequence[Claim]) -> dict[str, Scale]:
     ends: dict[str, list[float]] = {}
     for item in (item for claim in claims for item in claim.comparisons if item.effect.n):
         effect, stated = item.effect, item.stated
-        marks = (0.0, effect.mean, effect.low, effect.high, stated.low, stated.high)
+        marks = (0.0, effect.mean, effect.low, effect.high, stated.low, stated.high,
+                 *item.values.values())  # fmt: skip
         ends.setdefault(_unit(item), []).extend(mark for mark in marks if abs(mark) < BEYOND_PAGE)
     margins = {unit: 0.05 * (max(marks) - min(marks)) or 1.0 for unit, marks in ends.items()}
     return {
@@ -479,8 +489,10 @@ def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
         return ""
     low, high = scales[_unit(item)]
     marks = (effect.mean, effect.low, effect.high, stated.low, stated.high, 0.0)
-    shares = [min(max((value - low) / (high - low), 0.0), 1.0) for value in marks]
-    middle, left, right, start, end, zero = (round(4 + 122 * share, 1) for share in shares)
+    middle, left, right, start, end, zero, *seeds = (
+        round(4 + 122 * min(max((value - low) / (high - low), 0.0), 1.0), 1)
+        for value in (*marks, *item.values.values())
+    )
     start, end = (
         0.0 if math.isinf(stated.low) else start,
         130.0 if math.isinf(stated.high) else end,
@@ -490,7 +502,8 @@ def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
     return (
         '<svg viewBox="0 0 130 16" aria-hidden="true">'
         f'<rect class="stated" x="{start}" y="0" width="{end - start:.1f}" height="16"/>'
-        f'<path class="zero" d="M{zero} 0V16"/><g class="{item.verdict}">{interval}'
+        f'<path class="zero" d="M{zero} 0V16"/><g class="{item.verdict}">'
+        f'<path class="seeds" d="{"".join(f"M{seed} 2V14" for seed in seeds)}"/>{interval}'
         f'<circle class="middle" cx="{middle}" cy="8" r="4"/></g></svg>'
     )
 
@@ -511,8 +524,8 @@ def _detector(
     return (
         "<p>Recall is the share of the outliers that was flagged; precision the share of outliers "
         "among what was flagged; the false-alarm rate the share of the clean samples that was "
-        "flagged. The charts pool all seeds in stretches of the mission, with 95 % bootstrap bands "
-        "over whole seeds: batch scope counts each epoch's own samples, historical scope "
+        "flagged. The charts pool all seeds in stretches of the mission, with 95 % bands over "
+        "seeds: batch scope counts each epoch's own samples, historical scope "
         "everything judged so far.</p>"
         '<div class="toolbar"><label for="quality-choice">Runs</label>'
         '<select id="quality-choice"></select><div class="legend" data-legend="quality" '

@@ -10,7 +10,7 @@ from infoplan.analyse.calibration import calibration_curve
 from infoplan.analyse.configurations import changed_options, option_text
 from infoplan.analyse.curves import collapse, missions, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
-from infoplan.analyse.statistics import bootstrap_mean
+from infoplan.analyse.statistics import mean_interval
 from infoplan.analyse.stretches import NO_TRUTH, load_scored_curves, read_stretches
 from infoplan.analyse.tables import Selection, load_maps, load_samples
 from infoplan.config import is_survey
@@ -168,7 +168,7 @@ def _time(curves: pd.DataFrame) -> dict[str, str]:
 
 def _interval(values: "pd.Series[float]", decimals: int | None = None) -> str:
     """Mean with its interval: with the digits that it deserves, or of a share with two decimals."""
-    mean = bootstrap_mean(values)
+    mean = mean_interval(values)
     if decimals is None:
         return interval(mean.mean, mean.low, mean.high)
     numbers = [f"{value:.{decimals}f}" for value in (mean.mean, mean.low, mean.high)]
