@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
     from infoplan.command_line.settings import More
 
-FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
+FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration", "outliers")
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 
@@ -58,7 +58,7 @@ class RunName(click.ParamType):
 
 
 class FigureName(click.ParamType):
-    """A figure of the paper."""
+    """A figure that is drawn from stored results."""
 
     name, words = "figure", f"{', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
 
@@ -368,8 +368,8 @@ def status(
 
 @command_on_runs(
     "figures",
-    help="Draw the paper's figures from stored results.",
-    examples=["infoplan figures fig5 fig7 seed=1"],
+    help="Draw figures from stored results: the paper's, calibration, methods against faults.",
+    examples=["infoplan figures fig5 fig7 seed=1", "infoplan figures outliers rho=0.2"],
 )  # fmt: skip
 @setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
          named=False)  # fmt: skip
@@ -384,12 +384,22 @@ def figures(
     filters: dict[str, Any],
 ) -> int:
     """Draw figures."""
-    from infoplan.draw.figures import check_names, draw_figures
+    from infoplan.analyse.mission_scores import stored_faults
+    from infoplan.draw.figures import OF_STUDY, OUTLIERS, check_names, draw_figures, draw_outliers
 
     names = check_names(figure)
-    study = _study(results_dir, run, filters)
-    problems = list(study.notes)
-    drawn = draw_figures(study, names, seed=seed, single_seeds=seeds)
+    problems: list[str] = []
+    drawn = []
+    if of_study := [name for name in names if name in OF_STUDY]:
+        study = _study(results_dir, run, filters)
+        problems += study.notes
+        drawn += draw_figures(study, of_study, seed=seed, single_seeds=seeds)
+    if OUTLIERS in names:
+        chosen = _with_runs(results_dir, run, filters)
+        if figure or ("replay" not in filters and len(stored_faults(results_dir, chosen)) > 1):
+            heat_map, notes = draw_outliers(results_dir, chosen)
+            problems += notes
+            drawn.append(heat_map)
     for one in drawn:
         for path in one.files:
             print(path)
@@ -489,14 +499,10 @@ def leaderboard(
     from infoplan.analyse.leaderboard import rank
     from infoplan.draw.console import wide_console
     from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
-    from infoplan.study.run_names import find_run
 
     if as_markdown and as_html:
         raise UsageError("the leaderboard is written as --markdown or as --html, not both")
-    if run is not None:
-        named = [run] if isinstance(run, str) else run
-        filters = {**filters, "run": [find_run(results_dir, text) for text in named]}
-    board = rank(results_dir, filters)
+    board = rank(results_dir, _with_runs(results_dir, run, filters))
     if as_markdown:
         print(markdown(board))
     elif as_html:
@@ -691,6 +697,18 @@ def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, An
     study = find_study(results_dir, run=run, **_wanted(results_dir, filters))
     demand_truth(study, "figures and claims")
     return study
+
+
+def _with_runs(
+    results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]
+) -> dict[str, Any]:
+    """Add to filters of scores the runs that a command line names, if any."""
+    from infoplan.study.run_names import find_run
+
+    if run is None:
+        return filters
+    named = [run] if isinstance(run, str) else run
+    return {**filters, "run": [find_run(results_dir, text) for text in named]}
 
 
 def _wanted(results_dir: Path, filters: dict[str, Any]) -> dict[str, Any]:

@@ -155,8 +155,8 @@ def ratio_band(parts: ArrayLike, wholes: ArrayLike) -> Floats:
     return np.stack([ratio, np.maximum(ratio - half, 0.0), np.minimum(ratio + half, 1.0)])
 
 
-def stratified_mean(strata: Iterable[ArrayLike]) -> Interval:
-    """Mean over strata, each counting alike, with its 95 % t interval on these strata.
+def stratified_mean(strata: Iterable[ArrayLike], level: float = 0.95) -> Interval:
+    """Mean over strata, each counting alike, with its t interval on these strata.
 
     Only the values within a stratum are taken as drawn at random, so it says nothing of other
     strata. Degrees of freedom after Welch and Satterthwaite (Biometrics Bulletin 2, 1946).
@@ -165,6 +165,8 @@ def stratified_mean(strata: Iterable[ArrayLike]) -> Interval:
     ----------
     strata
         The values of each stratum, say one number a seed for each map; NaNs are left out.
+    level
+        Probability with which the interval holds the mean over seeds.
 
     Returns
     -------
@@ -185,7 +187,7 @@ def stratified_mean(strata: Iterable[ArrayLike]) -> Interval:
         if total == 0:
             return Interval(mean, mean, mean, n)
         freedom = total**2 / np.sum(variances**2 / [len(sample) - 1 for sample in samples])
-        half = float(stdtrit(freedom, 1 - TAIL) * np.sqrt(total)) / len(samples)
+        half = float(stdtrit(freedom, (1 + level) / 2) * np.sqrt(total)) / len(samples)
     return Interval(mean, mean - half, mean + half, n)
 
 

@@ -12,21 +12,24 @@ from typing import Any
 
 import numpy as np
 
+from infoplan.analyse.by_fault import by_fault
 from infoplan.analyse.claims import METHODS, judge_claims
 from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
 from infoplan.analyse.later_logs import later_sentences
+from infoplan.analyse.mission_scores import read_scores
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
 from infoplan.collapse import collapse_sentence
 from infoplan.config import is_survey
-from infoplan.draw import claims_table
+from infoplan.draw import claims_table, fault_table
 from infoplan.draw.report_data import (
     Findings,
     Panel,
     alarm_map,
+    calibration_charts,
     curve_charts,
     panels_of,
     provenance_facts,
@@ -129,11 +132,14 @@ def _rendered(selection: Selection) -> str:
         if surveyed
         else "No run here has a detector that can err."
     )
+    calibration = {"axis": [], "panels": []} if surveyed else calibration_charts(selection, panels)
+    faults = _faults(selection)
     data = {
         "unit": selection.unit,
         "methods": _methods(panels),
         "axis": findings.axis.tolist(),
         "panels": curve_charts(panels, findings),
+        "calibration": calibration,
         "quality": quality | {"first": _first(quality["panels"], {"title": first})},
         "map": places | {"first": _first(places["runs"], {"panel": first, "method": METHODS[-1]})},
     }
@@ -143,6 +149,9 @@ def _rendered(selection: Selection) -> str:
         "subtitle": _html(f"{counted(len(footers), 'mission')}, flown {' to '.join(_ends(days))}"),
         "summary": _summary(selection, panels, findings, claims),
         "finals": _finals(selection, panels, findings),
+        "faults": faults,
+        "faults_link": '<a href="#faults">Faults</a>\n' if faults else "",
+        "calibration": _calibration(calibration, panels, selection),
         "claims": _claims(claims, reason),
         "error": f"Cross-validated RMSE, each stretch of the track predicted from the others, as "
         f"{NO_TRUTH},"
@@ -351,6 +360,51 @@ def _number_of(panel: Panel, method: str, name: str, findings: Findings) -> str:
     return (
         interval_text(findings.interval(panel.runs[method], name)) if method in panel.runs else "–"
     )
+
+
+def _faults(selection: Selection) -> str:
+    """Section on methods against faults; empty where there is but one fault."""
+    if len({flat["fault.name"] for flat in selection.options.values()}) < 2:
+        return ""
+    if is_survey(selection.terrain):
+        return ""
+    table = by_fault(read_scores(selection.results_dir, {"run": list(selection.options)}).table)
+    return (
+        '<section id="faults" aria-labelledby="faults-title">\n'
+        f'<h2 id="faults-title">{fault_table.TITLE}</h2>\n{fault_table.page_table(table)}\n'
+        "</section>\n"
+    )
+
+
+def _calibration(
+    calibration: Mapping[str, Any], panels: Sequence[Panel], selection: Selection
+) -> str:
+    if not calibration["panels"]:
+        return f"<p>{_html(_sentence(f'calibration needs the truth, and {NO_TRUTH}'))}</p>"
+    headings = ["method", *(panel.title for panel in panels)]
+    at = calibration["axis"].index(0.95)
+    lines = [{line["method"]: line for line in panel["lines"]} for panel in calibration["panels"]]
+    rows = [
+        [method, *(_covered(of_panel.get(method), at) for of_panel in lines)]
+        for method in looks(name for panel in panels for name in panel.runs)
+    ]
+    return (
+        "<p>Share of the query grid whose truth lies within the final model's central interval of "
+        "a level: mean over seeds, with a pointwise 95 % interval over seeds. On the "
+        "diagonal a model is calibrated; below it, it is too sure of itself.</p>"
+        '<div class="toolbar"><div class="legend" data-legend="calibration" role="group" '
+        'aria-label="Lines shown"></div></div><div class="panels" id="calibration-panels"></div>'
+        "<details><summary>The intervals of 95 % as a table</summary>"
+        + _table(headings, rows, caption="Share within intervals of 95 %")
+        + "</details>"
+    )
+
+
+def _covered(line: Mapping[str, Any] | None, at: int) -> str:
+    if line is None or line["mean"][at] is None:
+        return "–"
+    mean, low, high = (line[name][at] for name in ("mean", "low", "high"))
+    return f"{mean:.2f}" if low is None else f"{mean:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def _claims(claims: Sequence[Claim], reason: str) -> str:

@@ -31,7 +31,8 @@ from infoplan.analyse.tables import Selection, load_samples
 from infoplan.backend import load_matplotlib
 from infoplan.collapse import counted_ends, share_text
 from infoplan.config import is_survey
-from infoplan.draw.fig5 import PANELS
+from infoplan.draw.calibration import coverage
+from infoplan.draw.line_panels import PANELS
 from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.records import Footer
 from infoplan.study.store import read_footer, read_table, table_path
@@ -168,6 +169,26 @@ def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, 
             lines.append(_line(method, mean_band(seeds.to_numpy().T)) | {"seeds": singles})
         charts.append({"title": panel.title, "lines": lines})
     return charts
+
+
+def calibration_charts(selection: Selection, panels: Sequence[Panel]) -> dict[str, Any]:
+    """Lines of each panel: share of the map within central intervals, by their level.
+
+    Returns
+    -------
+    dict
+        ``axis``: the levels; ``panels``: a title and the lines, a mean with its 95 % band each.
+    """
+    axis: list[float] = []
+    charts = []
+    for panel in panels:
+        lines = []
+        for method, run in panel.runs.items():
+            seeds = coverage(selection.only([run]))
+            axis = seeds.index.tolist()
+            lines.append(_line(method, mean_band(seeds.to_numpy().T)))
+        charts.append({"title": panel.title, "lines": lines})
+    return {"axis": axis, "panels": charts}
 
 
 Parts = Callable[[pd.DataFrame], tuple["pd.Series[float]", "pd.Series[float]"]]

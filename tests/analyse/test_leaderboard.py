@@ -150,7 +150,7 @@ def test_the_share_of_collapsed_missions_stands_beside_the_means(tmp_path, monke
     def collapsed(folder, run, seed, last):
         return run.startswith("uct-none") and seed == 0 and "helens" in run
 
-    monkeypatch.setattr("infoplan.analyse.leaderboard.ended_collapsed", collapsed)
+    monkeypatch.setattr("infoplan.analyse.mission_scores.ended_collapsed", collapsed)
     shares = {one.method: one.collapsed for one in rank(tmp_path).standings}
     assert shares == {"PUCT-COPOD": 0, "UCT-COPOD": 0, "UCT-NONE": 1 / 4}
     assert main(["leaderboard", "--markdown", f"results_dir={tmp_path}"]) == 0
@@ -219,7 +219,8 @@ def test_a_fault_is_a_condition_and_not_averaged_into_another(tmp_path, monkeypa
     board = rank(tmp_path)
     assert [standing.method for standing in board.standings] == ["UCT-COPOD", "UCT-NONE"]
     assert board.faults == ("spike", "stuck fault.length=5")
-    assert board.standings[0].by_fault == pytest.approx({"spike": 0.6, "stuck fault.length=5": 1.8})
+    means = board.by_fault.grid("mean").loc["UCT-COPOD"].to_dict()
+    assert means == pytest.approx({"spike": 0.6, "stuck fault.length=5": 1.8})
     assert board.standings[1].score.mean == pytest.approx(1.6)
     assert board.missions == 8
     assert main(["leaderboard", "--markdown", "fault=spike", f"results_dir={tmp_path}"]) == 0

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from scipy import stats
 
 from infoplan.analyse import find_study
-from infoplan.draw.figures import NAMES, check_names, draw_figures
+from infoplan.draw.figures import NAMES, OF_STUDY, check_names, draw_figures
 from infoplan.errors import UsageError
 
 
@@ -39,7 +39,7 @@ def table(folder: Path, kind: str, run: str, seed: int = 0) -> pd.DataFrame:
     return pd.read_parquet(path, partitioning=None)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", OF_STUDY)
 def test_every_figure_is_there_as_png_pdf_and_csv(drawn, name):
     png, pdf, csv = drawn[name].files
     assert drawn[name].problem == ""
