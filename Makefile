@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser coverage bench check derived faults kernels planners clean
+.PHONY: help run figures test test-long test-browser coverage bench check derived faults kernels outliers planners clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -45,6 +45,9 @@ planners: $(VENV)/.installed-dev ## draw the picture of docs/planners.md again
 
 faults: $(VENV)/.installed ## draw the pictures of docs/faults.md again
 	$(BIN)/python scripts/draw_faults.py
+
+outliers: $(VENV)/.installed ## draw docs/outliers.md again (RESULTS=folder: from another run of experiment=outliers)
+	$(BIN)/python scripts/draw_outliers.py $(RESULTS)
 
 kernels: $(VENV)/.installed ## draw the picture of docs/kernels.md again
 	$(BIN)/python scripts/draw_kernels.py

@@ -21,7 +21,7 @@ from rich.table import Table
 from benchmarks.jobs import command, run_job
 from benchmarks.measure import machine
 from benchmarks.missions import terrain
-from infoplan.analyse.statistics import bootstrap_mean
+from infoplan.analyse.statistics import mean_interval
 
 METHODS = {
     "UCT-NONE": {"planner": "uct", "detector": "none"},
@@ -208,7 +208,7 @@ def effect_on_rmse(scale: Scale) -> Section:
                 np.array([flights[method, kind, seed]["rmse"] for seed in range(scale.seeds)])
                 for kind in (variant, "adam")
             )
-            difference = bootstrap_mean(rmse - base)
+            difference = mean_interval(rmse - base)
             against = (
                 ""
                 if variant == "adam"

@@ -171,3 +171,8 @@ def checked_covariance(covariance: Any, n: int, name: str) -> Floats:
             "finite numbers with positive variances"
         )
     return found
+
+
+def number_of(owner: Any, name: str) -> float:
+    """Return a number that a model tells of itself; NaN if it does not."""
+    return float(getattr(owner, name, np.nan))

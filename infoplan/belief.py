@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from infoplan.answers import (
     checked_actions,
-    checked_covariance,
     checked_drive,
     checked_prediction,
     checked_verdict,
+    number_of,
 )
+from infoplan.collapse import spacing_of
 from infoplan.config import GuardedConfig, MissionConfig
 from infoplan.detect import Evidence
 from infoplan.errors import RunError
@@ -24,11 +25,7 @@ from infoplan.extent import Extent, query_grid
 from infoplan.methods import check_covariance, find, method_label
 from infoplan.obstacles import NOWHERE, Obstacles
 from infoplan.plan import Situation, count_flags, smooth
-from infoplan.plan.rewards import (
-    mutual_information,
-    upper_confidence_bound,
-    variance_reduction,
-)
+from infoplan.planner_reward import deviation_and_reward
 from infoplan.randomness import generator
 from infoplan.robot import steering_angles, turn_on_the_spot
 from infoplan.samples import Readings, joined
@@ -112,8 +109,9 @@ class Belief:
         self._planner = find("planner", config.planner)
         self._detector = find("detector", config.detector)
         new_model = find("model", config.model)
+        told = _told(pilot)
         if isinstance(config.model, GuardedConfig):
-            new_model = partial(new_model, spacing=config.robot.speed)
+            new_model = partial(new_model, spacing=spacing_of(config, pilot.x[told]))
         self._steering = steering_angles(config.robot.max_steering, config.robot.steering_angles)
         rows, columns = config.grid
         self._shape = (rows, columns)
@@ -121,7 +119,6 @@ class Belief:
         self.seconds = {"plan": 0.0, "fit": 0.0, "predict": 0.0, "detect": 0.0}
         self.epoch = 0
         self.readings = _checked_size(pilot)
-        told = _told(pilot)
         if told.sum() < min(LEAST, len(pilot)):
             raise RunError(
                 f"only {told.sum()} of the {len(pilot)} pilot samples have a measurement, and the "
@@ -206,12 +203,12 @@ class Belief:
     def _situation(self) -> Situation:
         """Gather what the planner is given."""
         robot, readings = self.config.robot, self.readings
-        std = self._reward_std()
+        std, reward = deviation_and_reward(self.config, self.model, self.nodes, self.mean, self.std)
         return Situation(
             pose=np.append(readings.x[-1], readings.heading[-1]),
             std=_locked(std.reshape(self._shape)),
             mean=_locked(self.mean.reshape(self._shape)),
-            reward_map=_locked(self._reward(std).reshape(self._shape)),
+            reward_map=_locked(reward.reshape(self._shape)),
             outlier_density=self.outlier_density(),
             extent=self.extent,
             speed=robot.speed,
@@ -237,42 +234,6 @@ class Belief:
         plan = self._planner(situation, rng)
         checked = checked_actions(plan, situation, method_label(self.config.planner))
         return checked[: self.config.planner.execute_actions]
-
-    def _reward_std(self) -> Floats:
-        """Give the standard deviation on the query grid that rewards the planner."""
-        if not getattr(self.config.planner, "noisy_std", False):
-            return self.std
-        return np.hypot(self.std, self._noise_std("planner.noisy_std=true"))
-
-    def _reward(self, std: Floats) -> Floats:
-        """Give what a sample at each node of the query grid is worth to the planner."""
-        planner = self.config.planner
-        reward = getattr(planner, "reward", "std")
-        if reward == "std":
-            return std
-        if reward == "ucb":
-            return upper_confidence_bound(self.mean, std, planner.kappa)
-        noise_variance = self._noise_std(f"planner.reward={reward}") ** 2
-        measure = mutual_information if reward == "mutual_information" else variance_reduction
-        return measure(self._covariance(), noise_variance)
-
-    def _covariance(self) -> Floats:
-        """Give the covariance of the prediction at the nodes of the query grid."""
-        return checked_covariance(
-            self.model.covariance(self.nodes), len(self.nodes), method_label(self.config.model)
-        )
-
-    def _noise_std(self, needed_by: str) -> float:
-        """Give the deviation of the noise that the model has learned."""
-        noise = number_of(self.model, "observation_noise_std")
-        if np.isnan(noise):
-            name = needed_by.partition("=")[0]
-            remedy = "planner.noisy_std=false" if name == "planner.noisy_std" else f"{name}=std"
-            raise RunError(
-                f"{needed_by} needs a model with observation_noise_std, which "
-                f"{method_label(self.config.model)} has not: use {remedy}"
-            )
-        return noise
 
     def _judge(self) -> None:
         """Ask the detector for its verdict on the samples that are to be judged."""
@@ -309,11 +270,6 @@ class Belief:
         with one_thread():
             yield
         self.seconds[part] = perf_counter() - start
-
-
-def number_of(owner: Any, name: str) -> float:
-    """Return a number that a model tells of itself; NaN if it does not."""
-    return float(getattr(owner, name, np.nan))
 
 
 def _unjudged(batch: Readings, epoch: int) -> tuple[Integers, NDArray[np.bool_], Floats]:

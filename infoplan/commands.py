@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
     from infoplan.command_line.settings import More
 
-FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
+FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration", "outliers")
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 
@@ -58,7 +58,7 @@ class RunName(click.ParamType):
 
 
 class FigureName(click.ParamType):
-    """A figure of the paper."""
+    """A figure that is drawn from stored results."""
 
     name, words = "figure", f"{', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
 
@@ -251,20 +251,22 @@ class Mapping(click.ParamType):
     "survey", cls=Command, more=options_of("SURVEY"),
     help="Judge and map the log of a real survey: spikes out, a map with its uncertainty.",
     examples=["infoplan survey track.csv", "infoplan survey track.gpx detector=local batch=30s",
+              "infoplan survey may.csv june.csv",
               "infoplan survey 'log.csv' 'columns={x: East, y: North, value: D}' crs=EPSG:32619"],
 )  # fmt: skip
-@setting("log", UserPath(), "the log: .csv, .tsv, .gpx, .nc or .parquet", bare=1)
+@setting("log", UserPath(), "the log: .csv, .tsv, .gpx, .nc or .parquet; or several of one place",
+         default=(), bare=-1, named=False)  # fmt: skip
 @RESULTS
 @setting("columns", Mapping(), "names of its columns by what they are (lat, lon, x, y, value, "
          "time, date), where they are not recognised")  # fmt: skip
 @setting("crs", Text(), "the plane in metres, as EPSG:32619; the local UTM zone if left out")
 @setting("unit", Text(), "of the values; as the log says if left out")
-@setting("batch", Text(), "judge so many samples at a time, or seconds as in 30s; at once if "
-         "left out")  # fmt: skip
+@setting("batch", Text(), "judge so many samples at a time, or seconds as in 30s, or each log; "
+         "at once, and of several logs each, if left out")  # fmt: skip
 @setting("check", Number(min=0, max=0.5, min_open=True), "compare all detectors: so large a share "
          "of the samples of a copy become known spikes")  # fmt: skip
 def survey(
-    log: Path | None,
+    log: tuple[Path, ...],
     results_dir: Path,
     columns: dict[str, str] | None,
     crs: str | None,
@@ -276,12 +278,68 @@ def survey(
     """Map a survey."""
     from infoplan.survey_command import survey
 
-    if log is None:
+    if not log:
         raise UsageError(
             "infoplan survey takes the log of a survey: name the file, like infoplan survey "
             "track.csv"
         )
     return survey(results_dir, log, columns, crs, unit, batch, check, overrides)
+
+
+@infoplan.command(
+    "next", cls=Command, more=options_of("AHEAD"),
+    help="Plan where to go after a survey: a track as CSV, GPX, GeoJSON and mission.",
+    examples=["infoplan next survey-track budget=500",
+              "infoplan next 1a2b3c4d budget=2000 inside=bay.geojson turning_radius=3 speed=2",
+              "infoplan next 1a2b3c4d budget=500 from=44.39,-68.21 heading=90"],
+)  # fmt: skip
+@run_setting("which survey, as infoplan status lists them")
+@RESULTS
+@setting("budget", Number(min=0, min_open=True), "length of the track", unit="m")
+@setting("from", Text(), "where it starts, LAT,LON or metres; where the survey ended if left out")
+@setting("heading", Number(min=-360, max=360), "with which heading, clockwise from north; as the "
+         "survey ended, or any other, if left out", unit="degrees")  # fmt: skip
+@setting("inside", Text(), "polygon that it stays in: GeoJSON file, or [[LAT,LON],...]; the hull "
+         "of the survey's track if left out")  # fmt: skip
+@setting("avoid", Text(), "no-go zones: GeoJSON file, or a list of such polygons")
+@setting("turning_radius", Number(min=0, min_open=True), "of the vehicle; the track turns no "
+         "tighter", unit="m", default=5.0)  # fmt: skip
+@setting("speed", Number(min=0, min_open=True), "of the vehicle", unit="m/s", default=1.5)
+@setting("step", Number(min=0, min_open=True), "distance of two samples; as in the survey if left "
+         "out", unit="m")  # fmt: skip
+@setting("plans", click.IntRange(min=1, max=1000), "of so many plans at a time the best is driven",
+         default=8)  # fmt: skip
+@setting("altitude", Number(), "of the mission's waypoints above home", unit="m", default=0.0)
+@TRUST
+def plan_next(
+    run: str | None,
+    results_dir: Path,
+    budget: float | None,
+    from_: str | None,
+    heading: float | None,
+    inside: str | None,
+    avoid: str | None,
+    turning_radius: float,
+    speed: float,
+    step: float | None,
+    plans: int,
+    altitude: float,
+    trust: bool,
+    overrides: list[str],
+) -> int:
+    """Plan a track after a survey."""
+    from infoplan.next_command import Trip, plan_next
+
+    if not isinstance(run, str) or budget is None:
+        from infoplan.text_options import as_command
+
+        raise UsageError(
+            "infoplan next takes one stored survey, by its name or its hash, which "
+            f"{as_command('infoplan status', results_dir)} lists, and the length of the track in "
+            "metres, like budget=500"
+        )
+    trip = Trip(budget, from_, heading, inside, avoid, turning_radius, speed, step, plans, altitude)
+    return plan_next(results_dir, run, trip, trust, overrides)
 
 
 @infoplan.command(
@@ -310,8 +368,8 @@ def status(
 
 @command_on_runs(
     "figures",
-    help="Draw the paper's figures from stored results.",
-    examples=["infoplan figures fig5 fig7 seed=1"],
+    help="Draw figures from stored results: the paper's, calibration, methods against faults.",
+    examples=["infoplan figures fig5 fig7 seed=1", "infoplan figures outliers rho=0.2"],
 )  # fmt: skip
 @setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
          named=False)  # fmt: skip
@@ -326,12 +384,22 @@ def figures(
     filters: dict[str, Any],
 ) -> int:
     """Draw figures."""
-    from infoplan.draw.figures import check_names, draw_figures
+    from infoplan.analyse.mission_scores import stored_faults
+    from infoplan.draw.figures import OF_STUDY, OUTLIERS, check_names, draw_figures, draw_outliers
 
     names = check_names(figure)
-    study = _study(results_dir, run, filters)
-    problems = list(study.notes)
-    drawn = draw_figures(study, names, seed=seed, single_seeds=seeds)
+    problems: list[str] = []
+    drawn = []
+    if of_study := [name for name in names if name in OF_STUDY]:
+        study = _study(results_dir, run, filters)
+        problems += study.notes
+        drawn += draw_figures(study, of_study, seed=seed, single_seeds=seeds)
+    if OUTLIERS in names:
+        chosen = _with_runs(results_dir, run, filters)
+        if figure or ("replay" not in filters and len(stored_faults(results_dir, chosen)) > 1):
+            heat_map, notes = draw_outliers(results_dir, chosen)
+            problems += notes
+            drawn.append(heat_map)
     for one in drawn:
         for path in one.files:
             print(path)
@@ -348,25 +416,30 @@ def figures(
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="write them for scripts")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
+@click.option("--csv", "as_csv", is_flag=True, help="write what is compared, seed by seed")
 def claims(
     results_dir: Path,
     run: str | list[str] | None,
     as_json: bool,
     as_markdown: bool,
+    as_csv: bool,
     filters: dict[str, Any],
 ) -> int:
     """Judge the claims."""
     from infoplan.analyse.claims import judge_claims
+    from infoplan.draw.claims_table import as_csv as to_csv
     from infoplan.draw.claims_table import as_json as to_json
     from infoplan.draw.claims_table import markdown, print_claims
     from infoplan.draw.console import wide_console
 
-    if as_json and as_markdown:
-        raise UsageError("claims are written as --json or as --markdown, not both")
+    if as_json + as_markdown + as_csv > 1:
+        raise UsageError("claims are written as --json, --markdown or --csv: choose one")
     study = _study(results_dir, run, filters)
     judged = judge_claims(study)
     if as_json:
         print(to_json(judged, study))
+    elif as_csv:
+        print(to_csv(judged))
     elif as_markdown:
         print(markdown(judged, study))
     else:
@@ -426,14 +499,10 @@ def leaderboard(
     from infoplan.analyse.leaderboard import rank
     from infoplan.draw.console import wide_console
     from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
-    from infoplan.study.run_names import find_run
 
     if as_markdown and as_html:
         raise UsageError("the leaderboard is written as --markdown or as --html, not both")
-    if run is not None:
-        named = [run] if isinstance(run, str) else run
-        filters = {**filters, "run": [find_run(results_dir, text) for text in named]}
-    board = rank(results_dir, filters)
+    board = rank(results_dir, _with_runs(results_dir, run, filters))
     if as_markdown:
         print(markdown(board))
     elif as_html:
@@ -628,6 +697,18 @@ def _study(results_dir: Path, run: str | list[str] | None, filters: dict[str, An
     study = find_study(results_dir, run=run, **_wanted(results_dir, filters))
     demand_truth(study, "figures and claims")
     return study
+
+
+def _with_runs(
+    results_dir: Path, run: str | list[str] | None, filters: dict[str, Any]
+) -> dict[str, Any]:
+    """Add to filters of scores the runs that a command line names, if any."""
+    from infoplan.study.run_names import find_run
+
+    if run is None:
+        return filters
+    named = [run] if isinstance(run, str) else run
+    return {**filters, "run": [find_run(results_dir, text) for text in named]}
 
 
 def _wanted(results_dir: Path, filters: dict[str, Any]) -> dict[str, Any]:

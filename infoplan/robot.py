@@ -160,6 +160,28 @@ def steering_angles(maximum: float, count: int) -> NDArray[np.float64]:
     return maximum * (odds / max(count - 1, 1))
 
 
+def tightest_turn(radius: float, speed: float) -> float:
+    """Return the largest turn a sample that keeps a car off circles smaller than a radius.
+
+    The samples of a steady turn u lie on a circle of radius speed / (2 sin(u / 2)). Where a sample
+    is longer than the radius, the turn is a sixth of a circle at most.
+
+    Parameters
+    ----------
+    radius : float
+        Smallest turning radius, workspace units.
+    speed : float
+        Distance of a sample, workspace units.
+
+    Returns
+    -------
+    float
+        Radians; a whole share of a full turn, so that such a circle closes.
+    """
+    limit = 2.0 * math.asin(min(speed / (2.0 * radius), 0.5))
+    return TWO_PI / math.ceil(TWO_PI / limit - 1e-9)
+
+
 def bezier_path(
     control_points: ArrayLike,
     extent: tuple[float, float, float, float],

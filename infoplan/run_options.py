@@ -214,6 +214,16 @@ def survey_settings(given: Mapping[str, Any]) -> list[Setting]:
     return settings + [setting for setting in root_settings() if setting.word in kept]
 
 
+def ahead_settings(given: Mapping[str, Any]) -> list[Setting]:
+    """Declare what a track ahead may choose: its planner."""
+    known: dict[str, Setting] = {}
+    listed = [given["planner"]] if given.get("planner") in GROUPS["planner"] else GROUPS["planner"]
+    for choice in listed:
+        for setting in of_choice("planner", choice):
+            known.setdefault(setting.word, setting)
+    return [*group_settings(["planner"]), *known.values()]
+
+
 def hydra_words(incomplete: str) -> list[str]:
     """Complete Hydra's own options: ``hydra/launcher=`` and the like."""
     if not incomplete.startswith("hydra"):
@@ -279,6 +289,15 @@ def write_survey_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) 
         formatter.write_text("infoplan replay --help tells all of them.")
 
 
+def write_ahead_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> None:
+    """Write the options of every planner."""
+    with formatter.section("Choices, the current one first"):
+        current = chosen(given)["planner"]
+        names = [current, *(name for name in GROUPS["planner"] if name != current)]
+        _write_choice(formatter, "planner", names)
+    write_group(formatter, "planner", current, given)
+
+
 def write_replay_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) -> None:
     """Write what a replay may change."""
     current = chosen(given)
@@ -324,6 +343,10 @@ RUN = More(
 STATUS = More("overrides", run_settings, lambda name: True, several=lambda flags: True)
 REPLAY = More("overrides", replay_settings, lambda name: True, pages=write_replay_page)
 SURVEY = More("overrides", survey_settings, lambda name: True, pages=write_survey_page)
+AHEAD = More(
+    "overrides", ahead_settings, lambda name: name.startswith("planner."),
+    pages=write_ahead_page, documented="planner= with the options of the planner",
+)  # fmt: skip
 TERRAIN = More(
     "overrides", terrain_settings, lambda name: name.startswith("terrain."),
     pages=write_terrain_page, documented="terrain= with the options of the map",

@@ -37,7 +37,9 @@ def infoplan(
     return done
 
 
-COMMANDS = "run|replay|status|show|figures|claims|leaderboard|report|audit|animate|terrain"
+COMMANDS = (
+    "run|replay|survey|next|status|show|figures|claims|leaderboard|report|audit|animate|terrain"
+)
 
 
 def suggested(output: str) -> list[list[str]]:

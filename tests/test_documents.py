@@ -58,6 +58,7 @@ def small(command: str) -> list[str]:
     added = {
         "run": [name for name in SMALL if not (no_tree and name == "planner.iterations")],
         "replay": ["backend"],
+        "next": [] if no_tree else ["planner.iterations"],
         "survey": ["grid", "model.pilot_iterations", "model.iterations"],
     }
     return [*words, *[f"{o}={SMALL[o]}" for o in added.get(words[0], []) if o not in said]]
@@ -69,7 +70,8 @@ def study(tmp_path_factory) -> Path:
     for example in (ROOT / "examples").glob("*.py"):
         shutil.copy(example, folder)
     infoplan(*small("infoplan run -m experiment=fig5"), cwd=folder)
-    shutil.copy(ROOT / "examples" / "harbour.csv", folder)
+    for log in ("harbour.csv", "harbour_again.csv"):
+        shutil.copy(ROOT / "examples" / log, folder)
     infoplan(*small("infoplan survey harbour.csv results_dir=surveys"), cwd=folder)
     return folder
 

@@ -4,7 +4,7 @@
 >>> best = load_curves("results", method="UCT-BEST", rho=0.1)  # doctest: +SKIP
 >>> none = load_curves("results", method="UCT-NONE", rho=0.1)  # doctest: +SKIP
 >>> compare(best, none, by="final").mean  # doctest: +SKIP
-Interval(mean=-512.3, low=-601.2, high=-420.9, n=10)
+Interval(mean=-512.3, low=-611.5, high=-413.1, n=10)
 """
 
 from importlib import import_module
@@ -27,11 +27,15 @@ if TYPE_CHECKING:
     from infoplan.analyse.statistics import (
         Interval,
         PairedDifference,
-        bootstrap,
-        bootstrap_band,
-        bootstrap_mean,
+        holm,
         interquartile_mean,
+        mean_band,
+        mean_interval,
         paired_difference,
+        probability_below_zero,
+        sign_flip_test,
+        stratified_mean,
+        t_test,
     )
     from infoplan.analyse.tables import (
         Selection,
@@ -59,11 +63,15 @@ _HOMES = {
     "statistics": (
         "Interval",
         "PairedDifference",
-        "bootstrap",
-        "bootstrap_band",
-        "bootstrap_mean",
+        "holm",
         "interquartile_mean",
+        "mean_band",
+        "mean_interval",
         "paired_difference",
+        "probability_below_zero",
+        "sign_flip_test",
+        "stratified_mean",
+        "t_test",
     ),
     "tables": (
         "Selection",
@@ -84,27 +92,31 @@ __all__ = [
     "Selection",
     "Stated",
     "area_under_curve",
-    "bootstrap",
-    "bootstrap_band",
-    "bootstrap_mean",
     "by_relief",
     "calibration_curve",
     "compare",
     "detector_quality",
     "find_missions",
     "find_study",
+    "holm",
     "interquartile_mean",
     "judge_claims",
     "load_curves",
     "load_maps",
     "load_samples",
     "local_relief",
+    "mean_band",
     "mean_between",
+    "mean_interval",
     "on_common_axis",
     "paired_difference",
+    "probability_below_zero",
     "rejudge",
     "roc_auc",
+    "sign_flip_test",
+    "stratified_mean",
     "summarise",
+    "t_test",
     "value_at",
 ]
 

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from infoplan.analyse.configurations import default_options
-from infoplan.analyse.statistics import RESAMPLES, PairedDifference, paired_difference
+from infoplan.analyse.statistics import PairedDifference, paired_difference
 from infoplan.analyse.tables import REPLAY
 from infoplan.collapse import collapse_sentence
 from infoplan.errors import UsageError
@@ -83,8 +83,8 @@ def missions(curves: pd.DataFrame) -> Iterator[tuple[tuple[str, int], pd.DataFra
         yield (str(run), int(seed)), rows
 
 
-def collapse(curves: pd.DataFrame, results_dir: Path) -> str:
-    """Say how many missions end with a collapsed model, and what helps; empty if none does.
+def collapsed_ends(curves: pd.DataFrame, results_dir: Path) -> dict[tuple[str, int], bool | None]:
+    """Tell of each mission, by run and seed, whether it ends with a collapsed model.
 
     Parameters
     ----------
@@ -93,11 +93,15 @@ def collapse(curves: pd.DataFrame, results_dir: Path) -> str:
     results_dir
         Where their tables are.
     """
-    ends = [
-        ended_collapsed(results_dir, run, seed, rows.iloc[-1].to_dict())
+    return {
+        (run, seed): ended_collapsed(results_dir, run, seed, rows.iloc[-1].to_dict())
         for (run, seed), rows in missions(curves)
-    ]
-    return collapse_sentence(ends)
+    }
+
+
+def collapse(curves: pd.DataFrame, results_dir: Path) -> str:
+    """Say how many missions end with a collapsed model, and what helps; empty if none does."""
+    return collapse_sentence(list(collapsed_ends(curves, results_dir).values()))
 
 
 def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:
@@ -246,7 +250,6 @@ def compare(
     *,
     by: str = "final",
     column: str = "rmse",
-    resamples: int = RESAMPLES,
 ) -> PairedDifference:
     """Compare two runs by the difference a - b of one number a mission, paired by seed.
 
@@ -258,8 +261,6 @@ def compare(
         A numeric column of `summarise`: ``final``, ``area``, ``early``, ``late``, ``recall`` ...
     column
         Which column of the curves is summed up.
-    resamples
-        Bootstrap resamples, drawn from a fixed seed.
 
     Returns
     -------
@@ -278,7 +279,7 @@ def compare(
                 "instance with load_curves(..., method='UCT-COPOD', rho=0.1, scope='batch')"
             )
         numbers.append(summarise(curves, column)[by].droplevel("run"))
-    difference = paired_difference(numbers[0], numbers[1], resamples=resamples)
+    difference = paired_difference(numbers[0], numbers[1])
     if not difference.mean.n:
         raise UsageError(
             f"{curves_a['run'].iloc[0]} and {curves_b['run'].iloc[0]} have no seed in common: "

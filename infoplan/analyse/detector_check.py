@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.analyse.statistics import Interval, bootstrap_mean
+from infoplan.analyse.statistics import Interval, mean_interval
 from infoplan.answers import checked_verdict
 from infoplan.config import METHODS, DetectorConfig, MissionConfig, SpikeConfig
 from infoplan.cross_validation import predicted_errors, stretches_of
@@ -170,7 +170,7 @@ def _gains(x: Floats, y: Floats, model: Any, flags: Mapping[str, Booleans]) -> d
             errors = predicted_errors(model, x, y, elsewhere & ~flagged, here)
             if len(errors) and len(usual):
                 changes[name].append(_rmse(errors) - _rmse(usual))
-    return {name: bootstrap_mean(pd.Series(found)) for name, found in changes.items()}
+    return {name: mean_interval(pd.Series(found)) for name, found in changes.items()}
 
 
 def _rmse(errors: Floats) -> float:

@@ -1,16 +1,35 @@
-"""The rules by which a claim is judged: from intervals to a verdict."""
+"""The rules by which a claim is judged: from one number a seed to a verdict.
+
+Why these: docs/statistics.md.
+"""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
-from infoplan.analyse.statistics import Interval
+import numpy as np
+from numpy.typing import NDArray
+
+from infoplan.analyse.statistics import (
+    TAIL,
+    Alternative,
+    Interval,
+    holm,
+    interquartile_mean,
+    mean_interval,
+    sign_flip_test,
+    t_test,
+)
 from infoplan.wording import harmless
 
 SUPPORTED, CONTRADICTED, UNDECIDED, MISSING = "supported", "contradicted", "undecided", "missing"
 
-HOPELESS = 100
-"""So many times the present seeds, and more, are none that would help."""
+SEEDS_NEEDED = 6
+"""With fewer seeds no exact one-sided p can be as small as 0.025: 2^-5 is 0.031."""
+
+Test = Callable[[NDArray[np.float64], Alternative], float]
+"""A test that the mean of some numbers is zero."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +39,9 @@ class Stated:
     low: float = -math.inf
     high: float = math.inf
 
-
-BELOW_ZERO, ABOVE_ZERO = Stated(high=0.0), Stated(low=0.0)
+    def times(self, margin: float) -> "Stated":
+        """Give the same in another unit: bounds of 1 become the margin."""
+        return Stated(self.low * margin, self.high * margin)
 
 
 @dataclass(frozen=True)
@@ -36,10 +56,10 @@ class Comparison:
         Its unit; empty for a share.
     stated
         Where the claim says it lies.
-    effect
-        Mean over seeds with its 95 % interval; no seeds if something is missing.
-    interquartile_mean
-        Of the same numbers: a mean that single seeds cannot pull away.
+    values
+        The effect of each seed.
+    among
+        How many comparisons the claim names.
     lacks
         What is missing, in words; empty if nothing.
     """
@@ -47,14 +67,57 @@ class Comparison:
     what: str
     unit: str
     stated: Stated
-    effect: Interval
-    interquartile_mean: float = math.nan
+    values: Mapping[int, float]
+    among: int = 1
     lacks: str = ""
+
+    @cached_property
+    def effect(self) -> Interval:
+        """Mean over seeds with its 95 % t interval; no seeds if something is missing."""
+        return mean_interval(self._numbers)
+
+    @property
+    def interquartile_mean(self) -> float:
+        """Of the same numbers: a mean that single seeds cannot pull away."""
+        return float(interquartile_mean(self._numbers)) if self.values else math.nan
+
+    @cached_property
+    def p_supported(self) -> float:
+        """One-sided p that the effect does not lie where the claim says; 1 with too few seeds."""
+        return p_inside(self._numbers, self.stated, t_test) if self._enough else 1.0
+
+    @cached_property
+    def p_contradicted(self) -> float:
+        """One-sided p that it does lie there, times the number of comparisons of the claim."""
+        if not self._enough:
+            return 1.0
+        return min(1.0, self.among * p_outside(self._numbers, self.stated, t_test))
+
+    @cached_property
+    def p_exact(self) -> float:
+        """Exact p by sign flips, for the side on which the mean lies; uncorrected.
+
+        That the effect does not lie where the claim says, if its mean does; else that it does.
+        """
+        inside = self.stated.low < self.effect.mean < self.stated.high
+        return (p_inside if inside else p_outside)(self._numbers, self.stated, sign_flip_test)
 
     @property
     def verdict(self) -> str:
         """Supported, contradicted, undecided or missing."""
-        return MISSING if self.lacks else judge(self.effect, self.stated)
+        if self.lacks:
+            return MISSING
+        if self.p_supported <= TAIL:
+            return SUPPORTED
+        return CONTRADICTED if self.p_contradicted <= TAIL else UNDECIDED
+
+    @property
+    def _enough(self) -> bool:
+        return not self.lacks and len(self.values) >= SEEDS_NEEDED
+
+    @property
+    def _numbers(self) -> NDArray[np.float64]:
+        return np.array(list(self.values.values()), dtype=float)
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,6 +134,11 @@ class Claim:
         Commands that make what is missing.
     where
         Share of outliers and scope of the runs compared, in words.
+    collapsed
+        How many missions of each method compared end with a collapsed model, and of how many that
+        is known.
+    p_holm
+        `p`, adjusted by Holm for all claims that were judged together; NaN for a claim alone.
     """
 
     name: str
@@ -78,6 +146,8 @@ class Claim:
     comparisons: tuple[Comparison, ...]
     commands: tuple[str, ...] = ()
     where: str = ""
+    collapsed: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    p_holm: float = math.nan
 
     def __repr__(self) -> str:
         """Say in a line what is claimed, and the verdict."""
@@ -89,24 +159,59 @@ class Claim:
         return overall([comparison.verdict for comparison in self.comparisons])
 
     @property
-    def more_seeds(self) -> float | None:
-        """How many more seeds an undecided claim would roughly need; see `more_seeds`."""
-        return more_seeds(self.comparisons) if self.verdict == UNDECIDED else None
+    def p(self) -> float:
+        """Two-sided p of the verdict: supported and contradicted have half the level each.
+
+        Supported needs all comparisons, so their largest p counts, of contradicted the smallest.
+        """
+        supported = max(one.p_supported for one in self.comparisons)
+        contradicted = min(one.p_contradicted for one in self.comparisons)
+        return min(1.0, 2 * min(supported, contradicted))
+
+    @property
+    def survives(self) -> bool:
+        """Whether it is decided, and still is after Holm's correction over all claims."""
+        return self.verdict in (SUPPORTED, CONTRADICTED) and self.p_holm <= 2 * TAIL
+
+    @property
+    def seeds(self) -> int:
+        """Fewest seeds of its comparisons."""
+        return min(len(one.values) for one in self.comparisons)
 
 
-def judge(effect: Interval, stated: Stated) -> str:
-    """Judge one comparison.
+def p_inside(values: NDArray[np.float64], stated: Stated, test: Test) -> float:
+    """One-sided p that an effect does not lie between two bounds.
 
-    Supported if the whole interval lies on the stated side, contradicted if it lies wholly on the
-    other, else undecided; so is a single seed, which has no interval.
+    Both bounds are tested and the larger p counts: two one-sided tests, where both are finite
+    (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15, 1987).
     """
-    if math.isnan(effect.low):
-        return UNDECIDED
-    if stated.low < effect.low and effect.high < stated.high:
-        return SUPPORTED
-    if effect.high < stated.low or stated.high < effect.low:
-        return CONTRADICTED
-    return UNDECIDED
+    ps = []
+    if math.isfinite(stated.low):
+        ps.append(test(values - stated.low, "greater"))
+    if math.isfinite(stated.high):
+        ps.append(test(values - stated.high, "less"))
+    return _or_one(max(ps))
+
+
+def p_outside(values: NDArray[np.float64], stated: Stated, test: Test) -> float:
+    """One-sided p that an effect lies between two bounds, corrected where both are finite."""
+    ps = []
+    if math.isfinite(stated.low):
+        ps.append(test(values - stated.low, "less"))
+    if math.isfinite(stated.high):
+        ps.append(test(values - stated.high, "greater"))
+    return _or_one(min(1.0, len(ps) * min(ps)))
+
+
+def corrected(comparisons: Sequence[Comparison]) -> tuple[Comparison, ...]:
+    """Tell each comparison of a claim among how many it is."""
+    return tuple(replace(one, among=len(comparisons)) for one in comparisons)
+
+
+def with_holm(claims: Sequence[Claim]) -> list[Claim]:
+    """Adjust the p of claims that are judged together."""
+    adjusted = holm([claim.p for claim in claims]).tolist()
+    return [replace(claim, p_holm=p) for claim, p in zip(claims, adjusted, strict=True)]
 
 
 def overall(verdicts: Sequence[str]) -> str:
@@ -120,49 +225,6 @@ def overall(verdicts: Sequence[str]) -> str:
     return SUPPORTED if all(verdict == SUPPORTED for verdict in verdicts) else UNDECIDED
 
 
-def seeds_needed(effect: Interval, stated: Stated) -> float:
-    """Roughly how many seeds would decide a comparison, if the effect stayed as it is.
-
-    The interval's width shrinks with the root of the number of seeds; it must no longer reach the
-    next bound of the stated side.
-
-    Returns
-    -------
-    float
-        Infinity if no sensible number would do, NaN if a single seed gives no width.
-    """
-    if math.isnan(effect.low):
-        return math.nan
-    inside = stated.low < effect.mean < stated.high
-    distances = [abs(effect.mean - bound) for bound in (stated.low, stated.high)]
-    distance = min(distances)
-    half_width = (effect.high - effect.low) / 2
-    if distance == 0 or (not inside and math.isinf(distance)):
-        return math.inf
-    needed = effect.n * (half_width / distance) ** 2
-    return math.inf if needed > HOPELESS * effect.n else max(effect.n + 1, math.ceil(needed))
-
-
-def more_seeds(comparisons: Sequence[Comparison]) -> float:
-    """Roughly how many more seeds would decide an undecided claim.
-
-    Where an estimate lies on the other side the claim heads for contradicted, which the first such
-    comparison decides; otherwise for supported, which the last one decides.
-
-    Returns
-    -------
-    float
-        Infinity if none would help, NaN if a single seed does not tell.
-    """
-    undecided = [comparison for comparison in comparisons if comparison.verdict == UNDECIDED]
-    needs = [
-        (
-            seeds_needed(item.effect, item.stated) - item.effect.n,
-            item.stated.low < item.effect.mean < item.stated.high,
-        )
-        for item in undecided
-    ]
-    if any(math.isnan(need) for need, _ in needs):
-        return math.nan
-    against = [need for need, inside in needs if not inside and not math.isinf(need)]
-    return min(against) if against else max(need for need, _ in needs)
+def _or_one(p: float) -> float:
+    """Decide nothing by numbers of which there is no p: infinite ones."""
+    return 1.0 if math.isnan(p) else p

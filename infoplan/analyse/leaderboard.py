@@ -1,84 +1,28 @@
-"""Methods ranked over several maps and outlier shares.
-
-The score of a mission is the area under its RMSE curve from the pilot's end to the budget, divided
-by the curve's length and by the standard deviation of its map on the query grid: the mean error in
-standard deviations of the map, so that maps of any unit and height can be averaged.
-"""
+"""Methods ranked over several maps, faults and outlier shares."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.analyse.configurations import Options, option_text, stored_options
-from infoplan.analyse.curves import mean_between
-from infoplan.analyse.statistics import RESAMPLES, Interval
-from infoplan.analyse.stretches import NO_TRUTH
-from infoplan.analyse.tables import REPLAY, demand_whole, stored_footers
-from infoplan.config import METHODS, is_survey
+from infoplan.analyse.by_fault import FaultTable, by_fault
+from infoplan.analyse.mission_scores import Condition, read_scores
+from infoplan.analyse.statistics import Interval, probability_below_zero, stratified_mean
 from infoplan.errors import UsageError
 from infoplan.files import user_path
-from infoplan.method_identity import SPIKE, Method, labels, method_of
-from infoplan.options import plain_number
-from infoplan.study.store import read_table
-from infoplan.text_options import as_command
-from infoplan.wording import counted
-
-CONDITIONS = ("terrain", "fault", "rho")
-"""Parts of a configuration under which methods are compared, each with each."""
 
 Floats = NDArray[np.float64]
 
+Key = tuple[str, Condition, int]
+"""A mission: the label of its method, its condition, its seed."""
 
-@dataclass(frozen=True)
-class Entry:
-    """A stored mission that stands for its method.
-
-    Attributes
-    ----------
-    run, seed
-        The mission.
-    method
-        Whose it is.
-    options
-        All options of its configuration, by dotted names.
-    """
-
-    run: str
-    seed: int
-    method: Method
-    options: Options
-
-    def part(self, *groups: str) -> Options:
-        """Options of some groups alone."""
-        return {k: v for k, v in self.options.items() if k.partition(".")[0] in groups}
-
-    @property
-    def settings(self) -> Options:
-        """Options that are neither its method's nor a condition."""
-        return {k: v for k, v in self.options.items()
-                if k.partition(".")[0] not in (*METHODS, *CONDITIONS)}  # fmt: skip
-
-
-class Condition(NamedTuple):
-    """What a mission is flown under: the label of its map, that of its fault, the outlier share."""
-
-    terrain: str
-    fault: str
-    rho: float
-
-    def __str__(self) -> str:
-        """Write it for a note: ``helens rho 0.1``, ``helens stuck rho 0.1``."""
-        fault = "" if self.fault == SPIKE.name else f"{self.fault} "
-        return f"{self.terrain} {fault}rho {plain_number(self.rho)}"
-
-
-Entries = dict[tuple[str, Condition, int], Entry]
-"""Missions by the label of the method, the condition and the seed."""
+Numbers = tuple[float, float, float, float]
+"""Its area, final RMSE, seconds, and whether its model has collapsed."""
 
 
 @dataclass(frozen=True)
@@ -90,26 +34,31 @@ class Standing:
     method
         Its label, as in all drawings, and the options that methods of this label differ in.
     score
-        Mean normalised area over maps, faults, rhos and seeds; its interval from a bootstrap over
-        maps and over whole seeds of each.
+        Mean normalised area over maps, faults, rhos and seeds; its t interval on these maps, over
+        the seeds of each.
     behind
-        Score less that of the first, resampled together with it: paired by map and seed.
-    by_rho, by_fault, by_map
-        Means by share of outliers, by fault, and by map.
+        Score less that of the first, paired by map and seed.
+    beaten
+        Probability that the first has the smaller area, by map and seed.
+    by_rho, by_map
+        Means by share of outliers, and by map.
     final
         Mean RMSE at the budget, in standard deviations of the map.
     seconds
         Mean computing time of a mission.
+    collapsed
+        Share of the missions that end with a collapsed model; NaN if that is not known of all.
     """
 
     method: str
     score: Interval
     behind: Interval
+    beaten: Interval
     by_rho: dict[float, float]
-    by_fault: dict[str, float]
     by_map: dict[str, float]
     final: float
     seconds: float
+    collapsed: float
 
 
 @dataclass(frozen=True)
@@ -130,6 +79,8 @@ class Leaderboard:
         How many missions count.
     notes
         What was left out, and why: sentences for the reader.
+    by_fault
+        Every method under every fault, ranked or not; None where there is but one fault.
     """
 
     standings: tuple[Standing, ...]
@@ -139,25 +90,19 @@ class Leaderboard:
     budget: int
     missions: int
     notes: tuple[str, ...]
+    by_fault: FaultTable | None = None
 
 
 def rank(
     results_dir: str | Path,
     filters: dict[str, Any] | None = None,
-    *,
-    resamples: int = RESAMPLES,
 ) -> Leaderboard:
     """Rank the methods of a results folder.
 
     Parameters
     ----------
-    results_dir
-        Folder of the result tables.
-    filters
-        An option of the runs, ``terrain``, ``planner``, ``detector``, ``model``, ``fault`` or
-        ``seed``, and its value, or a list of which any will do. A run without the option passes.
-    resamples
-        Bootstrap resamples, drawn from a fixed seed.
+    results_dir, filters
+        As of `infoplan.analyse.mission_scores.read_scores`.
 
     Returns
     -------
@@ -173,19 +118,9 @@ def rank(
     RunError
         If a table cannot be read.
     """
-    folder = user_path(results_dir)
-    chosen = _chosen(folder, filters or {})
-    entries = [entry for entry in chosen if not is_survey(str(entry.options["terrain.name"]))]
-    if not entries:
-        raise UsageError(
-            f"results_dir={folder} holds surveys alone, and {NO_TRUTH}: methods are ranked by "
-            "their errors on missions that infoplan run has flown"
-        )
-    surveys = len(chosen) - len(entries)
-    entries, notes = _with_common_settings(entries)
-    if surveys:
-        notes.append(f"{counted(surveys, 'survey')} left out: {NO_TRUTH}")
-    where = _named(entries)
+    read = read_scores(results_dir, filters)
+    notes = list(read.notes)
+    where = _by_key(read.table)
     cells = {(method, condition) for method, condition, _ in where}
     counts = Counter(condition for _, condition in cells)
     everyone = sorted({method for method, _ in cells})
@@ -195,20 +130,32 @@ def rank(
         lacking = sorted(one for one in counting if (method, one) not in cells)
         if lacking:
             notes.append(f"{method} is not ranked: it lacks {', '.join(map(str, lacking))}")
-    for condition in sorted(set(counts) - counting):
-        notes.append(f"{condition} does not count: most methods lack it")
+    notes += [
+        f"{one} does not count: most methods lack it" for one in sorted(set(counts) - counting)
+    ]
     seeds = _common_seeds(where, ranked, counting)
     for terrain in [terrain for terrain, common in seeds.items() if not common]:
         notes.append(f"{terrain} does not count: its missions have no seed in common")
         del seeds[terrain]
     if len(ranked) < 2 or not seeds:
         raise UsageError(
-            f"results_dir={folder} holds no two methods with the same maps, faults, rhos and "
-            f"seeds, out of {', '.join(everyone)}: run more, or choose with rho=, terrain= or the "
-            "like"
+            f"results_dir={user_path(results_dir)} holds no two methods with the same maps, "
+            f"faults, rhos and seeds, out of {', '.join(everyone)}: run more, or choose with "
+            "rho=, terrain= or the like"
         )
-    scores = _Scores(folder, where, ranked, counting, seeds)
-    return replace(scores.standings(resamples), notes=tuple(notes))
+    board = _Scores(where, ranked, counting, seeds).standings(read.budget)
+    several = read.table["fault"].nunique() > 1
+    return replace(board, notes=tuple(notes), by_fault=by_fault(read.table) if several else None)
+
+
+def _by_key(table: pd.DataFrame) -> dict[Key, Numbers]:
+    """Area, final, seconds and collapsed of every mission."""
+    names = ["method", "terrain", "fault", "rho", "seed", "area", "final", "seconds", "collapsed"]
+    rows: Any = table[names].itertuples(index=False, name=None)
+    return {
+        (method, Condition(terrain, fault, rho), seed): (area, final, seconds, collapsed)
+        for method, terrain, fault, rho, seed, area, final, seconds, collapsed in rows
+    }
 
 
 class _Scores:
@@ -216,8 +163,7 @@ class _Scores:
 
     def __init__(
         self,
-        folder: Path,
-        where: Entries,
+        where: dict[Key, Numbers],
         methods: list[str],
         conditions: set[Condition],
         seeds: dict[str, list[int]],
@@ -227,74 +173,54 @@ class _Scores:
         numbers = {
             terrain: np.array(
                 [
-                    [
-                        [_numbers(folder, where[m, one, seed]) for one in self.conditions[terrain]]
-                        for seed in common
-                    ]
+                    [[where[m, one, seed] for one in self.conditions[terrain]] for seed in common]
                     for m in methods
                 ]
             )
             for terrain, common in seeds.items()
         }
-        self.area, self.final, self.seconds = (
-            {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(3)
+        self.area, self.final, self.seconds, self.collapsed = (
+            {terrain: array[..., part] for terrain, array in numbers.items()} for part in range(4)
         )
-        self.budget = int(next(iter(where.values())).options["budget"])
 
-    def standings(self, resamples: int) -> Leaderboard:
+    def standings(self, budget: int) -> Leaderboard:
         """Rank by the mean area."""
         means = _over_maps(self.area)
         order = np.argsort(means, kind="stable")
-        drawn = self._resampled(resamples)
+        by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
         best = order[0]
-        n = sum(len(common) for common in self.seeds.values())
         conditions = [one for listed in self.conditions.values() for one in listed]
         rhos = sorted({one.rho for one in conditions})
         faults = sorted({one.fault for one in conditions})
         finals, seconds = _over_maps(self.final), _over_maps(self.seconds)
+        collapsed = _over_maps(self.collapsed)
         rows = [
             Standing(
                 self.methods[m],
-                _interval(means[m], drawn[:, m], n),
-                _interval(means[m] - means[best], drawn[:, m] - drawn[:, best], n),
-                {rho: self._under(m, "rho", rho) for rho in rhos},
-                {fault: self._under(m, "fault", fault) for fault in faults},
+                stratified_mean(areas[m] for areas in by_seed),
+                stratified_mean(areas[m] - areas[best] for areas in by_seed),
+                probability_below_zero(areas[best] - areas[m] for areas in by_seed),
+                {rho: self._at(m, rho) for rho in rhos},
                 {terrain: float(area[m].mean()) for terrain, area in self.area.items()},
                 float(finals[m]),
                 float(seconds[m]),
+                float(collapsed[m]),
             )
             for m in order
         ]  # fmt: skip
         missions = sum(area.size for area in self.area.values())
         return Leaderboard(
-            tuple(rows), self.seeds, tuple(rhos), tuple(faults), self.budget, missions, ()
+            tuple(rows), self.seeds, tuple(rhos), tuple(faults), budget, missions, ()
         )
 
-    def _under(self, method: int, part: str, value: float | str) -> float:
-        """Mean of a method where a part of the condition has a value, every such map alike."""
+    def _at(self, method: int, rho: float) -> float:
+        """Mean of a method at a share of outliers, every map that has it alike."""
         areas = []
         for terrain, conditions in self.conditions.items():
-            chosen = [i for i, one in enumerate(conditions) if getattr(one, part) == value]
+            chosen = [i for i, one in enumerate(conditions) if one.rho == rho]
             if chosen:
                 areas.append(self.area[terrain][method][:, chosen].mean())
         return float(np.mean(areas))
-
-    def _resampled(self, resamples: int) -> Floats:
-        """Mean scores of all methods on resampled maps and seeds, shape (resamples, methods).
-
-        Maps are drawn with replacement, and for each drawn map its seeds, as a whole: all methods
-        and all conditions of a resample stand on the same ones.
-        """
-        rng = np.random.default_rng(0)
-        by_seed = [area.mean(axis=2) for area in self.area.values()]  # methods x seeds, each map
-        total = np.zeros((resamples, len(self.methods)))
-        for _ in by_seed:
-            chosen = rng.integers(len(by_seed), size=resamples)
-            for number, area in enumerate(by_seed):
-                rows = np.flatnonzero(chosen == number)
-                drawn = rng.integers(area.shape[1], size=(len(rows), area.shape[1]))
-                total[rows] += area[:, drawn].mean(axis=2).T
-        return total / len(by_seed)
 
 
 def _over_maps(numbers: dict[str, Floats]) -> Floats:
@@ -302,28 +228,8 @@ def _over_maps(numbers: dict[str, Floats]) -> Floats:
     return np.mean([array.mean(axis=(1, 2)) for array in numbers.values()], axis=0)
 
 
-def _interval(mean: float, drawn: Floats, n: int) -> Interval:
-    if n < 2:
-        return Interval(float(mean), np.nan, np.nan, n)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return Interval(float(mean), float(low), float(high), n)
-
-
-def _numbers(folder: Path, mission: Entry) -> tuple[float, float, float]:
-    """Area and final RMSE of a mission in standard deviations of its map, and its seconds."""
-    demand_whole(folder, [(mission.run, mission.seed)])
-    curve, maps = (
-        read_table(folder, name, mission.run, mission.seed).to_pandas()
-        for name in ("curves", "maps")
-    )
-    deviation = float(maps["truth"].std(ddof=0))
-    area = mean_between(curve, float(curve["collected"].iloc[0]), np.inf)
-    seconds = float(curve.filter(like="_seconds").to_numpy().sum())
-    return area / deviation, float(curve["rmse"].iloc[-1]) / deviation, seconds
-
-
 def _common_seeds(
-    where: Entries, methods: Iterable[str], conditions: set[Condition]
+    where: Iterable[Key], methods: Iterable[str], conditions: set[Condition]
 ) -> dict[str, list[int]]:
     """Seeds of each map that all methods have under all of its conditions."""
     found: dict[tuple[str, Condition], set[int]] = {}
@@ -335,117 +241,3 @@ def _common_seeds(
             seeds = found[method, condition]
             common[condition.terrain] = common.get(condition.terrain, seeds) & seeds
     return {terrain: sorted(seeds) for terrain, seeds in common.items()}
-
-
-def _chosen(folder: Path, filters: Mapping[str, Any]) -> list[Entry]:
-    """List the missions that answer to all filters; at least one must."""
-    entries = _stored(folder)
-    chosen = [entry for entry in entries if _answers(entry, filters)]
-    if chosen:
-        return chosen
-    asked = " ".join(f"{name}={option_text(value)}" for name, value in filters.items())
-    none = f"results_dir={folder} holds no finished mission{f' with {asked}' if asked else ''}"
-    if not entries:
-        benchmark = as_command("infoplan run -m experiment=benchmark", folder)
-        raise UsageError(f"{none}: make some with {benchmark}")
-    there = {
-        name: dict.fromkeys(sorted(option_text(_value(entry, name)) for entry in entries))
-        for name in filters
-    }
-    listed = "; ".join(f"{name}={' or '.join(values)}" for name, values in there.items())
-    raise UsageError(f"{none}: there is {listed}")
-
-
-def _stored(folder: Path) -> list[Entry]:
-    """List all finished missions that were flown; replays are nobody's method."""
-    entries: list[Entry] = []
-    options: dict[str, Options] = {}
-    for run, seed, footer in stored_footers(folder):
-        if run not in options:
-            options[run] = stored_options(footer.configuration)
-        if REPLAY not in options[run]:
-            entries.append(Entry(run, seed, method_of(options[run]).faultless, options[run]))
-    return entries
-
-
-def _value(entry: Entry, name: str) -> Any:
-    """Value of an option, a group's choice, the seed or the run; None where there is none."""
-    has = {**entry.options, "seed": entry.seed, "run": entry.run}
-    return has.get(f"{name}.name", has.get(name))
-
-
-def _answers(entry: Entry, filters: Mapping[str, Any]) -> bool:
-    for name, wanted in filters.items():
-        value = _value(entry, name)
-        several = isinstance(wanted, list) and not isinstance(value, list)
-        if value is not None and value not in (wanted if several else [wanted]):
-            return False
-    return True
-
-
-def _with_common_settings(entries: list[Entry]) -> tuple[list[Entry], list[str]]:
-    """Keep the missions with the settings that most have: scores of others do not compare."""
-    settings = {entry.run: entry.settings for entry in entries}
-    counts = Counter(repr(settings[entry.run]) for entry in entries)
-    most = max(counts, key=lambda one: counts[one])
-    kept = [entry for entry in entries if repr(settings[entry.run]) == most]
-    others = [entry for entry in entries if repr(settings[entry.run]) != most]
-    if not others:
-        return kept, []
-    usual = settings[kept[0].run]
-    differing = sorted(
-        {
-            name
-            for run in {entry.run for entry in others}
-            for name in {*settings[run], *usual}
-            if settings[run].get(name) != usual.get(name)
-        }
-    )
-    told = ", ".join(f"{name}={option_text(usual.get(name))}" for name in differing)
-    are = "is" if len(others) == 1 else "are"
-    left_out = counted(len(others), "mission")
-    return kept, [f"{left_out} with other settings than {told} {are} left out"]
-
-
-def _named(entries: list[Entry]) -> Entries:
-    """Find a label for every method, map and fault."""
-    called = labels([entry.method for entry in entries], with_scope=True)
-    methods = _told_apart(
-        [called[entry.method] for entry in entries],
-        [entry.part("planner", "detector", "model") for entry in entries],
-    )
-    terrains, faults = (
-        _told_apart([str(entry.options[f"{group}.name"]) for entry in entries],
-                    [entry.part(group) for entry in entries])
-        for group in ("terrain", "fault")
-    )  # fmt: skip
-    return {
-        (method, Condition(terrain, fault, float(entry.options["rho"])), entry.seed): entry
-        for method, terrain, fault, entry in zip(methods, terrains, faults, entries, strict=True)
-    }
-
-
-def _told_apart(names: Sequence[str], options: Sequence[Options]) -> list[str]:
-    """Add to each name the options in which those of this name differ."""
-    alike: dict[str, list[Options]] = {}
-    for name, flat in zip(names, options, strict=True):
-        known = alike.setdefault(name, [])
-        if flat not in known:
-            known.append(flat)
-    found = []
-    for name, flat in zip(names, options, strict=True):
-        others = alike[name]
-        differing = sorted(
-            option for option in {key for other in others for key in other}
-            if any(other.get(option) != flat.get(option) for other in others)
-        )  # fmt: skip
-        told = [
-            f"{option}={_short(option, flat[option])}" for option in differing if option in flat
-        ]
-        found.append(" ".join([name, *told]))
-    return found
-
-
-def _short(name: str, value: Any) -> str:
-    text = option_text(value)
-    return text[:8] if name == "terrain.sha256" else text

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from infoplan.analyse.curves import missions
-from infoplan.analyse.statistics import Interval, bootstrap_mean
+from infoplan.analyse.statistics import Interval, mean_interval
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.config import is_survey
 from infoplan.errors import UsageError
@@ -52,7 +52,7 @@ def gain(stretches: pd.DataFrame) -> Interval:
         terrain's unit. Below 0 the detector has helped.
     """
     last = stretches[stretches["epoch"] == stretches["epoch"].max()]
-    return bootstrap_mean((last["rmse"] - last["rmse_unfiltered"]).dropna())
+    return mean_interval((last["rmse"] - last["rmse_unfiltered"]).dropna())
 
 
 def load_scored_curves(selection: Selection) -> pd.DataFrame:

@@ -13,8 +13,6 @@ from infoplan.belief import LEAST
 from infoplan.config import CopodConfig, DetectorConfig, MissionConfig, QartodConfig
 from infoplan.cross_validation import MOST_LEFT_OUT
 from infoplan.methods import find, method_label
-from infoplan.mission_cost import DETECTOR_PAIR_BYTES
-from infoplan.model.vecchia import VecchiaProcess
 from infoplan.threads import one_thread
 from infoplan.wording import counted
 
@@ -22,10 +20,7 @@ Booleans = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 MOST_PAIRED = 3000
-"""Samples up to which detectors that look at all pairs of them are asked, too: a second or so."""
-
-CHUNK = 1000
-"""Samples that are left out at a time where the cost is linear in their number."""
+"""Samples up to which gp_residual is asked of a model that holds all pairs of them: seconds."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +73,13 @@ def survey_verdicts(
     flagged, score = samples["flagged"].to_numpy(dtype=bool), samples["score"].to_numpy(dtype=float)
     others = {name: one for name, one in asked_detectors(config).items() if name != own}
     remarks, left_out = [], []
-    if len(y) > MOST_PAIRED:
-        left_out = [name for name in others if name in DETECTOR_PAIR_BYTES]
-        remarks += [
-            f"left out, as it looks at all pairs of samples, of which more than {MOST_PAIRED} have "
-            f"too many: {name}" for name in left_out
-        ]  # fmt: skip
+    exact = config.model.name not in ("own", "vecchia")
+    if exact and len(y) > MOST_PAIRED and "gp_residual" in others:
+        left_out = ["gp_residual"]
+        remarks.append(
+            f"gp_residual is left out: with model={config.model.name} it looks at all pairs of "
+            f"samples, of which more than {MOST_PAIRED} have too many"
+        )
     if config.model.name == "own":
         left_out = [*left_out, "gp_residual"]
         remarks.append(
@@ -103,7 +99,6 @@ def survey_verdicts(
             )
             for name, (flags, scores) in found.items()
         }  # fmt: skip
-    exact = config.model.name not in ("own", "vecchia")
     if exact and max(int((~one.flagged).sum()) for one in verdicts.values()) > MOST_LEFT_OUT:
         remarks.append(
             f"with model={config.model.name}, expected values of more than "
@@ -138,15 +133,12 @@ def expected_values(model: Any, x: Floats, y: Floats, kept: Booleans, scale: flo
     model.replace(x[kept], y[kept])
     if n < len(y):
         expected[~kept] = model.predict(x[~kept])[0]
-    linear = isinstance(model, VecchiaProcess)
-    if not linear and n > MOST_LEFT_OUT:
+    sparse = getattr(model, "weights_and_sparse_inverse", None)
+    if sparse is None and n > MOST_LEFT_OUT:
         return expected
-    residual = np.empty(n)
-    for chosen in np.array_split(np.arange(n), -(-n // CHUNK) if linear else 1):
-        # Rasmussen & Williams, eq. 5.12.
-        weights, inverse = model.weights_and_inverse(x[kept], y[kept], chosen)
-        residual[chosen] = scale * weights / inverse.diagonal()
-    expected[kept] = y[kept] - residual
+    # Rasmussen & Williams, eq. 5.12.
+    weights, inverse = (sparse or model.weights_and_inverse)(x[kept], y[kept], np.arange(n))
+    expected[kept] = y[kept] - scale * weights / inverse.diagonal()
     return expected
 
 

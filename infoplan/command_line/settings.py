@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from keyword import iskeyword
 from typing import Any, TypeVar
 
 import click
@@ -24,7 +25,8 @@ class Setting(click.Parameter):
     Parameters
     ----------
     word
-        Its name; a dot in it is an underscore in the function's parameter.
+        Its name; a dot in it is an underscore in the function's parameter, and a keyword of Python
+        has one behind it.
     type
         Of its values.
     doc
@@ -58,7 +60,8 @@ class Setting(click.Parameter):
     def _parse_decls(
         self, decls: Sequence[str], expose_value: bool
     ) -> tuple[str, list[str], list[str]]:
-        return decls[0].replace(".", "_"), [f"{decls[0]}="], []
+        name = decls[0].replace(".", "_")
+        return f"{name}_" if iskeyword(name) else name, [f"{decls[0]}="], []
 
     def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
         """Leave the parser of flags alone: `Command` finds the words."""

@@ -1,33 +1,34 @@
-"""The judged claims as a table for the terminal, as Markdown and as JSON."""
+"""The judged claims as a table for the terminal, as Markdown, JSON and CSV."""
 
+import csv
+import io
 import json
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
-from infoplan.analyse.judging import Claim, Comparison, Stated
+from infoplan.analyse.judging import SEEDS_NEEDED, UNDECIDED, Claim, Comparison, Stated
 from infoplan.analyse.tables import Selection
+from infoplan.collapse import share_text
 from infoplan.draw.console import say, say_command
 from infoplan.draw.table_layout import Cell, TextColumn, print_table
-from infoplan.wording import counted, figure, harmless, interval, markdown_cell
-
-FEW = 5
-"""With fewer seeds a bootstrap interval is too narrow to lean on."""
+from infoplan.wording import counted, csv_cell, figure, harmless, interval, markdown_cell
 
 COLOURS = {"supported": "green", "contradicted": "red", "undecided": "yellow", "missing": "magenta"}
 
 
 def print_claims(claims: list[Claim], selection: Selection, console: Console) -> None:
-    """Print the claims, every comparison on a line of its own; IQM is its interquartile mean."""
+    """Print the claims, every comparison on a line of its own; p is exact, by sign flips."""
     columns = [
         TextColumn("claim"),
         TextColumn("compared", least=24),
         TextColumn("effect [95 %]", right=True, least=18),
-        TextColumn("IQM", right=True, spare=1),
+        TextColumn("p", right=True, spare=1),
         TextColumn("stated", right=True),
         TextColumn("seeds", right=True),
         TextColumn("verdict"),
@@ -40,8 +41,7 @@ def print_claims(claims: list[Claim], selection: Selection, console: Console) ->
         rows.append([*bold, "", "", "", "", verdict])
         judged = any(not item.lacks for item in claim.comparisons)
         rows += [_row(item) for item in claim.comparisons if judged]
-        if advice(claim):
-            rows.append(["", Text(advice(claim), style="italic"), *[""] * 5])
+        rows += [["", Text(told, style="italic"), *[""] * 5] for told in cautions(claim)]
         rows.append(None)
     print_table(console, heading(selection), columns, rows, named=2)
     for note in selection.notes:
@@ -52,8 +52,8 @@ def print_claims(claims: list[Claim], selection: Selection, console: Console) ->
             say_command(console, before, cure)
         if not cures:
             say(console, f"{before} a budget above {selection.budget}")
-    for warning in _few(selection):
-        say(console, warning)
+    for line in (holm_words(claims), *_few(selection)):
+        say(console, line)
 
 
 def markdown(claims: list[Claim], selection: Selection) -> str:
@@ -61,22 +61,24 @@ def markdown(claims: list[Claim], selection: Selection) -> str:
     lines = [
         markdown_cell(heading(selection)),
         "",
-        "| | claim | runs | compared: effect [95 % interval], n seeds | verdict |",
+        "| | claim | runs | compared: effect [95 % interval], n seeds, exact p | verdict |",
         "|---|---|---|---|---|",
     ]
     for claim in claims:
         compared = "<br>".join(
-            f"{markdown_cell(item.what)}: {_effect_cell(item)}, n = {item.effect.n}, {item.verdict}"
+            f"{markdown_cell(item.what)}: {_effect_cell(item)}, n = {item.effect.n}, "
+            f"p = {exact_p(item) or '-'}, {item.verdict}"
             for item in claim.comparisons
         )
-        verdict = f"**{claim.verdict}**" + (f" ({advice(claim)})" if advice(claim) else "")
+        told = markdown_cell("; ".join(cautions(claim)))
+        verdict = f"**{claim.verdict}**" + (f" ({told})" if told else "")
         said = " | ".join(markdown_cell(text) for text in (claim.name, claim.text, claim.where))
         lines.append(f"| {said} | {compared} | {verdict} |")
     below = [markdown_cell(note) for note in selection.notes]
     for names, cures in _missing(claims).items():
         told = "; ".join(map(_code, cures)) or f"a budget above {selection.budget}"
         below.append(f"{', '.join(names)}: missing, to be had with {told}")
-    below += _few(selection)
+    below += [holm_words(claims), *_few(selection)]
     return "\n".join([*lines, "", *(f"{line}  " for line in below)]).rstrip()
 
 
@@ -91,6 +93,18 @@ def as_json(claims: list[Claim], selection: Selection) -> str:
         "claims": [_claim(claim) for claim in claims],
     }
     return json.dumps(document, indent=2, allow_nan=False)
+
+
+def as_csv(claims: list[Claim]) -> str:
+    """Write the effect of every seed as CSV, a row a comparison and seed."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["claim", "compared", "unit", "seed", "effect"])
+    for claim in claims:
+        for item in claim.comparisons:
+            named = [csv_cell(text) for text in (claim.name, item.what, item.unit)]
+            writer.writerows([*named, seed, value] for seed, value in item.values.items())
+    return stream.getvalue().rstrip("\n")
 
 
 def heading(selection: Selection) -> str:
@@ -109,24 +123,45 @@ def effect(item: Comparison) -> str:
 
 def stated(side: Stated, unit: str) -> str:
     """Say on which side the claim puts the effect."""
-    unit = f" {unit}" if unit else ""
+    low, high = (
+        f"{figure(bound)} {unit}" if unit else f"{bound:g}" for bound in (side.low, side.high)
+    )
     if math.isinf(side.low):
-        return f"< {figure(side.high)}{unit if side.high else ''}"
-    if math.isinf(side.high):
-        return f"> {figure(side.low)}{unit if side.low else ''}"
-    return f"within ±{figure(side.high)}{unit}"
+        return f"< {high}"
+    return f"> {low}" if math.isinf(side.high) else f"within ±{high}"
 
 
-def advice(claim: Claim) -> str:
-    """Say how many more seeds an undecided claim roughly needs."""
-    more = claim.more_seeds
-    if more is None:
+def exact_p(item: Comparison) -> str:
+    """Write the exact p of a comparison; empty if something is lacking."""
+    if item.lacks:
         return ""
-    if math.isnan(more):
-        return "a single seed has no interval: run more"
-    if math.isinf(more):
-        return "no number of seeds would help: an effect is about at its bound"
-    return f"about {more:.0f} more seed{'s' if more > 1 else ''} would decide it"
+    return f"{item.p_exact:.3f}" if item.p_exact >= 0.0005 else "<0.001"
+
+
+def cautions(claim: Claim) -> list[str]:
+    """Say what the reader of a claim's verdict should know: few seeds, collapsed models."""
+    told = []
+    if claim.verdict == UNDECIDED and claim.seeds < SEEDS_NEEDED:
+        told.append(f"{counted(claim.seeds, 'seed')}, at least six are needed")
+    ended = [f"{method} {share_text(*ends)}" for method, ends in claim.collapsed.items()]
+    if any(count for count, _ in claim.collapsed.values()):
+        told.append(f"end collapsed: {', '.join(ended)}")
+    return told
+
+
+def holm_words(claims: Sequence[Claim]) -> str:
+    """Say which verdicts survive the correction for the number of claims."""
+    decided = [claim for claim in claims if claim.verdict in ("supported", "contradicted")]
+    kept = [claim.name for claim in decided if claim.survives]
+    lost = [claim.name for claim in decided if not claim.survives]
+    after = f"Holm's correction over {counted(len(claims), 'claim')}"
+    if not decided:
+        return f"no verdict, so none to survive {after}"
+    if not lost:
+        return f"all {counted(len(kept), 'verdict')} survive {after}" if len(kept) > 1 else (
+            f"the verdict survives {after}")  # fmt: skip
+    told = f"after {after} remain: {', '.join(kept) or 'none'}"
+    return f"{told}; not: {', '.join(lost)}"
 
 
 def remarks(claims: list[Claim], selection: Selection) -> list[str]:
@@ -143,7 +178,7 @@ def _row(item: Comparison) -> list[Cell]:
         "",
         Text(harmless(item.what), style="none"),  # no heading, unlike a claim's
         harmless(effect(item)),
-        "" if item.lacks else figure(item.interquartile_mean),
+        exact_p(item),
         harmless(stated(item.stated, item.unit)),
         str(item.effect.n),
         item.verdict,
@@ -161,9 +196,9 @@ def _missing(claims: list[Claim]) -> dict[tuple[str, ...], tuple[str, ...]]:
 
 def _few(selection: Selection) -> list[str]:
     """Warn of too few seeds."""
-    if selection.missions.groupby("run")["seed"].nunique().min() >= FEW:
+    if selection.missions.groupby("run")["seed"].nunique().min() >= SEEDS_NEEDED:
         return []
-    return [f"with fewer than {FEW} seeds the intervals are too narrow to lean on"]
+    return ["with fewer than six seeds nothing is decided, and intervals are rough"]
 
 
 def _claim(claim: Claim) -> dict[str, Any]:
@@ -172,8 +207,14 @@ def _claim(claim: Claim) -> dict[str, Any]:
         "text": claim.text,
         "where": claim.where,
         "verdict": claim.verdict,
-        "more_seeds": None if claim.more_seeds is None else _finite(claim.more_seeds),
-        "advice": advice(claim),
+        "p": claim.p,
+        "p_holm": _finite(claim.p_holm),
+        "survives_holm": claim.survives,
+        "collapsed": {
+            method: {"collapsed": count, "missions": known}
+            for method, (count, known) in claim.collapsed.items()
+        },
+        "cautions": cautions(claim),
         "commands": list(claim.commands),
         "comparisons": [
             {
@@ -184,6 +225,10 @@ def _claim(claim: Claim) -> dict[str, Any]:
                 "low": _finite(item.effect.low),
                 "high": _finite(item.effect.high),
                 "interquartile_mean": _finite(item.interquartile_mean),
+                "p_supported": item.p_supported,
+                "p_contradicted": item.p_contradicted,
+                "p_exact": None if item.lacks else item.p_exact,
+                "seeds": {str(seed): _finite(value) for seed, value in item.values.items()},
                 "n": item.effect.n,
                 "verdict": item.verdict,
                 "lacks": item.lacks,

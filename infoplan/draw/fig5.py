@@ -1,29 +1,16 @@
 """Fig. 5: RMSE against the number of samples, mean over seeds with a band, any methods."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from infoplan.analyse.claims import METHODS
-from infoplan.analyse.curves import drawable, on_common_axis
-from infoplan.analyse.statistics import bootstrap_band
+from infoplan.analyse.curves import collapsed_ends, on_common_axis
 from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
-from infoplan.method_identity import NEVER_ERRS, PAPERS, PAPERS_CHOICES, Look, looks
-from infoplan.wording import counted
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-PANELS = {
-    "a": (0.05, "batch"),
-    "b": (0.10, "batch"),
-    "c": (0.15, "batch"),
-    "d": (0.10, "historical"),
-}
-"""Share of outliers and the detector's scope of each panel of the paper."""
+from infoplan.draw.line_panels import PANELS, draw_panels, panel_numbers
+from infoplan.method_identity import NEVER_ERRS, PAPERS_CHOICES
 
 NEEDS = tuple(
     dict.fromkeys(
@@ -33,69 +20,22 @@ NEEDS = tuple(
     )
 )
 
-SHORT = 12
-"""Four methods with names as long share a line of the legend, else two."""
-
-
-def panels(selection: Selection) -> dict[str, tuple[float, str]]:
-    """Share of outliers and scope of each panel: the paper's four, then what else was flown.
-
-    The paper's are left out if all of them would be empty.
-    """
-    missions = selection.missions
-    papers = {rho for rho, _ in PANELS.values()}
-    named = dict(PANELS) if papers & set(missions["rho"]) else {}
-    judged = missions[~missions["detector"].isin(NEVER_ERRS)]
-    there = set(zip(judged["rho"], judged["scope"], strict=True))
-    # NONE and BEST are drawn under both scopes: they need a panel only where there is none.
-    shown = papers | {rho for rho, _ in there}
-    there |= {(rho, "batch") for rho in set(missions["rho"]) - shown}
-    for condition in sorted(there - set(PANELS.values())):
-        named[_letter(len(named))] = condition
-    return named
-
 
 def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> list[Path]:
     """Draw Fig. 5 from the runs that are there; returns its files.
 
-    A method's band is the pointwise 95 % percentile bootstrap interval of the mean over whole
-    seeds; a single seed has none. Infinite errors are gaps, and named.
+    A method's band is the pointwise 95 % t interval of the mean over seeds; a single seed has
+    none. Infinite errors are gaps, and named.
     """
-    numbers, shown = plotted_numbers(selection), panels(selection)
-    rows = -(-len(shown) // 2)
-    order = looks(numbers["method"])
-    longest = max(map(len, order))
-    columns = 4 if longest <= SHORT else 2 if longest <= 2 * SHORT else 1
-    legend_rows = -(-len(order) // columns)
+    numbers = plotted_numbers(selection)
+    unit = style.inert(selection.unit, style.LONGEST_UNIT)
+    labels = ("collected samples", f"RMSE ({unit})")
     with style.journal():
-        height = 3.3 * rows / 2 + 0.12 * (legend_rows - 1)
-        figure = style.new_figure(style.COLUMN, height)
-        grid = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
-        for axes, (letter, (rho, scope)) in zip(grid.flat, shown.items(), strict=False):
-            share = f"{rho:.2f}" if round(rho, 2) == rho else f"{rho:g}"
-            title = f"$\\rho$ = {share}"
-            style.panel(axes, letter, title + (", historical" if scope == "historical" else ""))
-            here = numbers[numbers["panel"] == letter]
-            for method in here["method"].unique():
-                curve = here[here["method"] == method]
-                _draw_method(axes, curve, numbers["mean"], method, order, single_seeds)
-            if here.empty:
-                axes.text(0.5, 0.5, "no runs", ha="center", va="center", transform=axes.transAxes)
-            _name_gaps(axes, here, numbers["mean"])
-            axes.spines[["top", "right"]].set_visible(False)
-            axes.grid(axis="y")
-        for axes in list(grid.flat)[len(shown) :]:
-            axes.set_visible(False)
-        grid[0, 0].set_ylim(bottom=0)
-        grid[0, 0].set_xlim(0, selection.budget)
-        figure.supxlabel(f"collected samples ({_seeds(numbers)})", fontsize=7)
-        figure.supylabel(f"RMSE ({style.inert(selection.unit, style.LONGEST_UNIT)})", fontsize=7)
-        lines = {line.get_gid(): line for axes in grid.flat for line in axes.get_lines()}
-        handles = [lines[method] for method in order if method in lines]
-        # The other methods' rows of strokes are longer.
-        length = 2.4 if set(order) <= set(PAPERS) else 5.0
-        figure.legend(handles=handles, loc="outside upper center", ncols=columns,
-                      handlelength=length, columnspacing=1.2, handletextpad=0.5)  # fmt: skip
+        figure, shown = draw_panels(
+            selection, numbers, "collected", labels, single_seeds=single_seeds
+        )
+        shown[0].set_ylim(bottom=0)
+        shown[0].set_xlim(0, selection.budget)
         return style.save(figure, folder, "fig5", numbers)
 
 
@@ -105,58 +45,19 @@ def plotted_numbers(selection: Selection) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a point of a curve: panel, rho, scope, method, collected, n (seeds), mean, low and
-        high over them, and ``seed_<k>``, the single seeds (NaN where a method lacks one).
+        As of `panel_numbers` over ``collected``, with ``collapsed``: how many of the seeds end with
+        a collapsed model; NaN if that is not known.
     """
-    frames = []
-    for letter, (rho, scope) in panels(selection).items():
-        for method in looks(selection.missions["method"]):
-            run = selection.run(method, rho, scope)
-            if run is None:
-                continue
-            curves = on_common_axis(load_curves(selection.only([run]))).droplevel("run", axis=1)
-            with np.errstate(invalid="ignore", over="ignore"):
-                mean, low, high = bootstrap_band(curves.to_numpy().T)
-            frame = pd.DataFrame({"panel": letter, "rho": rho, "scope": scope, "method": method,
-                                  "collected": curves.index, "n": curves.shape[1],
-                                  "mean": mean, "low": low, "high": high})  # fmt: skip
-            frames.append(frame.join(curves.add_prefix("seed_").reset_index(drop=True)))
-    return pd.concat(frames, ignore_index=True)
+    collapsed: dict[str, float] = {}
 
+    def lines(run: Selection) -> pd.DataFrame:
+        curves = load_curves(run)
+        ends = collapsed_ends(curves, run.results_dir).values()
+        (name,) = run.options
+        collapsed[name] = np.nan if None in ends else sum(map(bool, ends))
+        return on_common_axis(curves).droplevel("run", axis=1)
 
-def _draw_method(
-    axes: "Axes",
-    curve: pd.DataFrame,
-    usual: "pd.Series[float]",
-    method: str,
-    order: dict[str, Look],
-    single_seeds: bool,
-) -> None:
-    look = order[method]
-    if single_seeds:
-        for name in curve.filter(like="seed_"):
-            axes.plot(curve["collected"], drawable(curve[name], usual), color=look.colour, lw=0.3,
-                      alpha=0.5)  # fmt: skip
-    low, mean, high = (drawable(curve[name], usual) for name in ("low", "mean", "high"))
-    axes.fill_between(curve["collected"], low, high, color=look.colour, alpha=0.2, lw=0)
-    axes.plot(curve["collected"], mean, **style.line(look), label=style.inert(method), gid=method)
-
-
-def _name_gaps(axes: "Axes", here: pd.DataFrame, usual: "pd.Series[float]") -> None:
-    """Say which methods have errors that no axis holds."""
-    lost = here["method"][np.isnan(drawable(here["mean"], usual))].unique()
-    if len(lost):
-        told = "\n".join(f"{style.inert(method)}: not finite in part" for method in lost)
-        axes.text(0.98, 0.02, told, ha="right", va="bottom", fontsize=5, transform=axes.transAxes)
-
-
-def _seeds(numbers: pd.DataFrame) -> str:
-    """Say over how many seeds the means are."""
-    least, most = int(numbers["n"].min()), int(numbers["n"].max())
-    return f"{least} to {most} seeds" if least < most else counted(most, "seed")
-
-
-def _letter(number: int) -> str:
-    """Letter of a panel: a to z, then aa, ab, and so on."""
-    first, last = divmod(number, 26)
-    return (_letter(first - 1) if first else "") + chr(ord("a") + last)
+    numbers = panel_numbers(selection, lines)
+    where = list(numbers).index("n") + 1
+    numbers.insert(where, "collapsed", numbers["run"].map(collapsed))
+    return numbers

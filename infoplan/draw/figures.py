@@ -1,17 +1,26 @@
 """Which figures there are, what they need, and drawing them from the stored results."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+from infoplan.analyse.by_fault import by_fault
 from infoplan.analyse.commands import Wanted, commands
-from infoplan.analyse.tables import Selection
+from infoplan.analyse.mission_scores import read_scores
+from infoplan.analyse.tables import REPLAY, Selection
+from infoplan.draw import calibration, fig5, outliers
 from infoplan.errors import UsageError
 from infoplan.wording import suggest
 
-NAMES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7")
-"""The paper's data figures, each drawn by the module of its name."""
+OF_STUDY = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration")
+"""The paper's data figures, and how far models are calibrated, on one map."""
+
+OUTLIERS = "outliers"
+"""Methods against faults, over all maps."""
+
+NAMES = (*OF_STUDY, OUTLIERS)
 
 MOST_NAMED = 4
 """So many missing runs are named at most."""
@@ -38,19 +47,19 @@ class Drawn:
 
 def draw_figures(
     selection: Selection,
-    names: Sequence[str] = (),
+    names: Sequence[str] = OF_STUDY,
     *,
     seed: int = 0,
     single_seeds: bool = False,
 ) -> list[Drawn]:
-    """Draw figures into the folder ``figures`` of the results.
+    """Draw figures of a study into the folder ``figures`` of the results.
 
     Parameters
     ----------
     selection
         From `infoplan.analyse.find_study`.
     names
-        Which; all if none.
+        Which of `OF_STUDY`.
     seed
         Of the missions whose maps are shown.
     single_seeds
@@ -59,32 +68,59 @@ def draw_figures(
     Returns
     -------
     list of Drawn
-        One a figure. Fig. 5 is drawn from whatever is there; the others need all their runs.
-
-    Raises
-    ------
-    UsageError
-        On an unknown figure.
+        One a figure. Fig. 5 and the calibration are drawn from whatever is there; the others need
+        all their runs.
     """
     folder, drawn = selection.results_dir / "figures", []
-    for name in check_names(names):
-        module = import_module(f"infoplan.draw.{name}")
-        lacking = [need for need in module.NEEDS if selection.run(*need) is None]
+    for name in names:
         files: list[Path] = []
         problem = ""
         if name == "fig5":
+            lacking = _lacking(fig5.NEEDS, selection)
             # A study of other methods does not lack the paper's.
-            if len(lacking) < len(module.NEEDS):
+            if len(lacking) < len(fig5.NEEDS):
                 problem = _missing(name, lacking, selection)
-            files = module.draw(selection, folder, single_seeds=single_seeds)
+            files = fig5.draw(selection, folder, single_seeds=single_seeds)
+        elif name == "calibration":
+            files = calibration.draw(selection, folder)
         else:
-            problem = _missing(name, lacking, selection) or _seedless(
+            module = import_module(f"infoplan.draw.{name}")
+            problem = _missing(name, _lacking(module.NEEDS, selection), selection) or _seedless(
                 name, module.NEEDS, selection, seed
             )
             if not problem:
                 files = module.draw(selection, folder, seed)
         drawn.append(Drawn(name, tuple(files), problem))
     return drawn
+
+
+def draw_outliers(results_dir: Path, filters: Mapping[str, Any]) -> tuple[Drawn, tuple[str, ...]]:
+    """Draw methods against faults into the folder ``figures`` of the results.
+
+    Parameters
+    ----------
+    results_dir, filters
+        As of `infoplan.analyse.mission_scores.read_scores`.
+
+    Returns
+    -------
+    drawn : Drawn
+    notes : tuple of str
+        What was left out, and why.
+
+    Raises
+    ------
+    UsageError, RunError
+        As `read_scores`; and if the filters ask for replays.
+    """
+    if filters.get(REPLAY) is not None:
+        raise UsageError(f"{OUTLIERS} shows methods, and a replay is nobody's: leave out {REPLAY}=")
+    scores = read_scores(results_dir, filters)
+    table = by_fault(scores.table)
+    if table.cells.empty:
+        problem = f"{OUTLIERS} needs a method with one seed on all its maps and at all its rhos"
+        return Drawn(OUTLIERS, (), f"{problem}: choose with terrain=, rho= or the like"), ()
+    return Drawn(OUTLIERS, tuple(outliers.draw(table, results_dir / "figures")), ""), scores.notes
 
 
 def check_names(names: Sequence[str]) -> list[str]:
@@ -101,6 +137,10 @@ def check_names(names: Sequence[str]) -> list[str]:
                 f"there is no figure {name!r}{suggest(name, NAMES)}: use {', '.join(NAMES)}"
             )
     return list(dict.fromkeys(names)) or list(NAMES)
+
+
+def _lacking(needs: Sequence[Wanted], selection: Selection) -> list[Wanted]:
+    return [need for need in needs if selection.run(*need) is None]
 
 
 def _missing(name: str, lacking: list[Wanted], selection: Selection) -> str:

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
+from infoplan.draw import fault_table
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import TextColumn, print_table
 from infoplan.files import writing
@@ -24,8 +25,10 @@ body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 .wide { overflow-x: auto; }
 th, td { padding: .3rem .7rem; border-bottom: 1px solid var(--line); text-align: right; }
-th:nth-child(2), td:nth-child(2) { text-align: left; }
+table:not(.faults) :is(th, td):nth-child(2) { text-align: left; }
 td { white-space: nowrap; }
+.faults th:first-child { text-align: left; }
+.faults td { text-align: center; padding: .2rem .5rem; line-height: 1.3; }
 svg { display: block; width: 12rem; height: 1rem; }
 svg line { stroke: var(--bar); stroke-width: 2; }
 svg circle { fill: var(--bar); }
@@ -33,14 +36,17 @@ svg circle { fill: var(--bar); }
 
 
 def print_leaderboard(board: Leaderboard, console: Console) -> None:
-    """Print the leaderboard as a table; where there is little room, without single maps."""
+    """Print the leaderboard as a table; where there is little room, without single maps.
+
+    Where there are several faults, a table by fault follows.
+    """
     named = columns(board)
-    first_map = 4 + len(board.rhos)
+    first_map = 5 + len(board.rhos)
     shown = [
         TextColumn(
             name,
             right=name != "method",
-            spare=number if first_map <= number < len(named) - 2 else 0,
+            spare=number if first_map <= number < len(named) - 3 else 0,
         )
         for number, name in enumerate(named)
     ]
@@ -51,10 +57,14 @@ def print_leaderboard(board: Leaderboard, console: Console) -> None:
     print_table(console, heading(board), shown, rows, named=2)
     for line in remarks(board):
         say(console, line)
+    if board.by_fault:
+        console.print()
+        fault_table.print_by_fault(board.by_fault, console)
 
 
 def markdown(board: Leaderboard) -> str:
-    """Write the leaderboard as a Markdown table."""
+    """Write the leaderboard as a Markdown table, and by fault as another."""
+    by_fault = board.by_fault
     standings = (replace(one, method=markdown_cell(one.method)) for one in board.standings)
     maps = {markdown_cell(name): seeds for name, seeds in board.maps.items()}
     faults = tuple(map(markdown_cell, board.faults))
@@ -73,7 +83,8 @@ def markdown(board: Leaderboard) -> str:
         "",
         *(f"{line}  " for line in remarks(board)),
     ]
-    return "\n".join(lines).rstrip()
+    below = ["", fault_table.markdown(by_fault)] if by_fault else []
+    return "\n".join([*lines, *below]).rstrip()
 
 
 def write_page(board: Leaderboard, path: Path) -> Path:
@@ -95,6 +106,8 @@ def write_page(board: Leaderboard, path: Path) -> Path:
         shown.insert(3, f"<td>{_bar(standing.score, min(ends), max(ends))}</td>")
         rows.append(f"<tr>{''.join(shown)}</tr>")
     notes = "".join(f"<p>{_escape(line)}</p>" for line in remarks(board))
+    if board.by_fault:
+        notes += f"<h2>{fault_table.TITLE}</h2>{fault_table.page_table(board.by_fault)}"
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -123,39 +136,41 @@ def heading(board: Leaderboard) -> str:
 def columns(board: Leaderboard) -> list[str]:
     """Name the columns."""
     return ["", "method", "area [95 %]", "behind the first",
+            "first is better",
             *(f"rho {plain_number(rho)}" for rho in board.rhos),
-            *(board.faults if len(board.faults) > 1 else ()),
-            *(board.maps if len(board.maps) > 1 else ()), "final", "s a mission"]  # fmt: skip
+            *(board.maps if len(board.maps) > 1 else ()), "final",
+            "collapsed", "s a mission"]  # fmt: skip
 
 
 def cells(number: int, standing: Standing, digits: int) -> list[str]:
     """Write a row, its scores with that many decimals."""
-    by_fault, by_map = (
-        means.values() if len(means) > 1 else () for means in (standing.by_fault, standing.by_map)
-    )
+    by_map = standing.by_map.values() if len(standing.by_map) > 1 else ()
     return [
         str(number),
         standing.method,
         _interval(standing.score, digits),
         _interval(standing.behind, digits) if number > 1 else "",
+        _interval(standing.beaten, 2) if number > 1 else "",
         *(f"{score:.{digits}f}" for score in standing.by_rho.values()),
-        *(f"{score:.{digits}f}" for score in (*by_fault, *by_map)),
+        *(f"{score:.{digits}f}" for score in by_map),
         f"{standing.final:.{digits}f}",
+        "-" if math.isnan(standing.collapsed) else f"{100 * standing.collapsed:.0f} %",
         f"{standing.seconds:.1f}",
     ]
 
 
 def remarks(board: Leaderboard) -> list[str]:
     """Say how to read the table, and what was left out."""
+    these = "these maps" if len(board.maps) > 1 else "this map"
     lines = [
         "area: mean RMSE from the pilot's end to the budget, divided by the standard deviation of "
         "the map, so that maps can be averaged; 0 is perfect, 1 no better than the map's mean",
-        "intervals: bootstrap over maps and over whole seeds of each map; methods whose distance "
-        "to the first, paired by map and seed, has an interval that reaches 0 are not told apart "
-        "from it",
+        f"intervals: 95 %, over the seeds of {these}, and for {these} alone; methods whose "
+        "distance to the first, paired by map and seed, has an interval that reaches 0 are not "
+        "told apart from it",
+        "first is better: probability that the first has the smaller area on the same map and seed",
+        "collapsed: missions that end with a collapsed model, of which a mean says little",
     ]
-    if len(board.maps) < 5:
-        lines.append("with fewer than 5 maps the intervals are rough: there is little to resample")
     return [*lines, *board.notes]
 
 

@@ -4,10 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from infoplan.analyse.curves import on_common_axis, summarise
-from infoplan.analyse.statistics import bootstrap_mean
+from infoplan.analyse.curves import collapsed_ends, on_common_axis, summarise
+from infoplan.analyse.statistics import mean_interval
 from infoplan.analyse.stretches import read_stretches
 from infoplan.analyse.tables import load_curves
+from infoplan.collapse import counted_ends, share_text
 from infoplan.config import is_survey
 from infoplan.draw.console import say
 from infoplan.draw.survey_table import score_lines
@@ -51,18 +52,22 @@ def _print_table(study: Study, seeds: list[int], console: Console) -> None:
     errors = [on_common_axis(table, milestones).to_numpy().T for table in curves.values()]
     columns = [TextColumn("", least=WHOLE)]
     columns += [TextColumn(f"at {samples}", right=True) for samples in milestones]
-    columns += [TextColumn(name, right=True) for name in ("caught", "missed", "false alarms")]
+    columns += [
+        TextColumn(name, right=True) for name in ("caught", "missed", "false alarms", "collapsed")
+    ]
     rows = []
     for what, values, of_run in zip(("flown", "replayed"), errors, curves.values(), strict=True):
         counts = summarise(of_run)[["tp", "fn", "fp"]].mean()
         shown = [_show(column) for column in values.T]
-        rows.append([what, *shown, *(f"{count:.1f}" for count in counts)])
+        ends = collapsed_ends(of_run, study.results_dir)
+        ended = share_text(*counted_ends(list(ends.values())))
+        rows.append([what, *shown, *(f"{count:.1f}" for count in counts), ended])
     gained = [_show(column) for column in (errors[1] - errors[0]).T]
-    rows.append(["replayed less flown", *gained, "", "", ""])
-    title = f"RMSE in {unit}: mean [95 % bootstrap interval over seeds]"
+    rows.append(["replayed less flown", *gained, "", "", "", ""])
+    title = f"RMSE in {unit}: mean [95 % interval over seeds]"
     print_table(console, title, columns, rows)
 
 
 def _show(values: NDArray[np.float64]) -> str:
-    mean = bootstrap_mean(values)
+    mean = mean_interval(values)
     return interval(mean.mean, mean.low, mean.high).replace(" ", "\n", 1)

@@ -8,20 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from infoplan.analyse.claims import METHODS, WORDS, judge_claims
+from infoplan.analyse.by_fault import by_fault
+from infoplan.analyse.claims import METHODS, judge_claims
 from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
+from infoplan.analyse.later_logs import later_sentences
+from infoplan.analyse.mission_scores import read_scores
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
+from infoplan.collapse import collapse_sentence
 from infoplan.config import is_survey
-from infoplan.draw import claims_table
+from infoplan.draw import claims_table, fault_table
 from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
 from infoplan.draw.report_data import (
     Findings,
     Panel,
     alarm_map,
+    calibration_charts,
     curve_charts,
     panels_of,
     provenance_facts,
@@ -116,11 +121,14 @@ def _rendered(selection: Selection) -> str:
         if surveyed
         else "No run here has a detector that can err."
     )
+    calibration = {"axis": [], "panels": []} if surveyed else calibration_charts(selection, panels)
+    faults = _faults(selection)
     data = {
         "unit": selection.unit,
         "methods": _methods(panels),
         "axis": findings.axis.tolist(),
         "panels": curve_charts(panels, findings),
+        "calibration": calibration,
         "quality": quality | {"first": _first(quality["panels"], {"title": first})},
         "map": places | {"first": _first(places["runs"], {"panel": first, "method": METHODS[-1]})},
     }
@@ -132,6 +140,9 @@ def _rendered(selection: Selection) -> str:
         ),
         "summary": _summary(selection, panels, findings, claims),
         "finals": _finals(selection, panels, findings),
+        "faults": faults,
+        "faults_link": '<a href="#faults">Faults</a>\n' if faults else "",
+        "calibration": _calibration(calibration, panels, selection),
         "claims": _claims(claims, reason),
         "error": f"Cross-validated RMSE, each stretch of the track predicted from the others, as "
         f"{NO_TRUTH},"
@@ -196,13 +207,14 @@ def _summary(
         f"of each batch becomes outliers. {_method_words(selection)}",
         f"The page shows {counted(int(runs.sum()), 'finished mission')} of "
         f"{counted(len(runs), 'run')}, {seeds} seed{'' if seeds == '1' else 's'} a run. Numbers "
-        "are means over seeds, with 95 % bootstrap intervals over whole seeds in brackets.",
+        "are means over seeds, with 95 % t intervals in brackets.",
     ]
     if is_survey(selection.terrain):
         introduction = [
             f"The log of a real survey, {selection.terrain}: {counted(selection.budget, 'sample')},"
             " judged by detectors and mapped. Predictions are cross-validated along the track, as "
-            f"{NO_TRUTH}."
+            f"{NO_TRUTH}.",
+            *_later_logs(selection),
         ]
     points = [
         _ranking(panel, findings, selection.unit, _error_words(selection)) for panel in panels
@@ -215,7 +227,8 @@ def _summary(
         if (names := [_anchor(claim.name) for claim in claims if claim.verdict == verdict])
     )
     lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
-    lines += [findings.collapse] if findings.collapse else []
+    told_collapse = collapse_sentence(list(findings.ends.values()))
+    lines += [told_collapse] if told_collapse else []
     cautions = [f"<p>{as_html(sentence(line))}</p>" for line in lines]
     return (
         "".join(f"<p>{as_html(text)}</p>" for text in introduction)
@@ -225,6 +238,15 @@ def _summary(
         + f"<ul>{''.join(f'<li>{as_html(text)}</li>' for text in points)}</ul>"
         + (f'<div class="note">{"".join(cautions)}</div>' if cautions else "")
     )
+
+
+def _later_logs(selection: Selection) -> list[str]:
+    """Say of surveys of several logs what the later ones have made of the flags of the earlier."""
+    told = []
+    for run in selection.options:
+        for seed in selection.seeds(run):
+            told += later_sentences(selection.results_dir, run, seed)
+    return told
 
 
 def _method_words(selection: Selection) -> str:
@@ -304,6 +326,9 @@ def _finals(selection: Selection, panels: Sequence[Panel], findings: Findings) -
                 for method in methods]  # fmt: skip
         headings = ["method", *(panel.title for panel in panels)]
         tables.append(html_table(headings, rows, caption=f"{what} ({selection.unit})"))
+    rows = [[method, *(findings.collapsed(panel.runs[method]) if method in panel.runs else "–"
+                       for panel in panels)] for method in methods]  # fmt: skip
+    tables.append(html_table(headings, rows, caption="missions that end with a collapsed model"))
     return "".join(tables)
 
 
@@ -313,12 +338,58 @@ def _number_of(panel: Panel, method: str, name: str, findings: Findings) -> str:
     )
 
 
+def _faults(selection: Selection) -> str:
+    """Section on methods against faults; empty where there is but one fault."""
+    if len({flat["fault.name"] for flat in selection.options.values()}) < 2:
+        return ""
+    if is_survey(selection.terrain):
+        return ""
+    table = by_fault(read_scores(selection.results_dir, {"run": list(selection.options)}).table)
+    return (
+        '<section id="faults" aria-labelledby="faults-title">\n'
+        f'<h2 id="faults-title">{fault_table.TITLE}</h2>\n{fault_table.page_table(table)}\n'
+        "</section>\n"
+    )
+
+
+def _calibration(
+    calibration: Mapping[str, Any], panels: Sequence[Panel], selection: Selection
+) -> str:
+    if not calibration["panels"]:
+        return f"<p>{as_html(sentence(f'calibration needs the truth, and {NO_TRUTH}'))}</p>"
+    headings = ["method", *(panel.title for panel in panels)]
+    at = calibration["axis"].index(0.95)
+    lines = [{line["method"]: line for line in panel["lines"]} for panel in calibration["panels"]]
+    rows = [
+        [method, *(_covered(of_panel.get(method), at) for of_panel in lines)]
+        for method in looks(name for panel in panels for name in panel.runs)
+    ]
+    return (
+        "<p>Share of the query grid whose truth lies within the final model's central interval of "
+        "a level: mean over seeds, with a pointwise 95 % interval over seeds. On the "
+        "diagonal a model is calibrated; below it, it is too sure of itself.</p>"
+        '<div class="toolbar"><div class="legend" data-legend="calibration" role="group" '
+        'aria-label="Lines shown"></div></div><div class="panels" id="calibration-panels"></div>'
+        "<details><summary>The intervals of 95 % as a table</summary>"
+        + html_table(headings, rows, caption="Share within intervals of 95 %")
+        + "</details>"
+    )
+
+
+def _covered(line: Mapping[str, Any] | None, at: int) -> str:
+    if line is None or line["mean"][at] is None:
+        return "–"
+    mean, low, high = (line[name][at] for name in ("mean", "low", "high"))
+    return f"{mean:.2f}" if low is None else f"{mean:.2f} [{low:.2f}, {high:.2f}]"
+
+
 def _claims(claims: Sequence[Claim], reason: str) -> str:
     told = f'<div class="note"><p>{as_html(sentence(reason))}</p></div>' if reason else ""
     if not claims:
         return told
     scales = _scales(claims)
-    headings = ("claim, and what was compared", "effect [95 %]", "", "stated", "seeds", "verdict")
+    headings = ("claim, and what was compared", "effect [95 %]", "", "p", "stated", "seeds",
+                "verdict")  # fmt: skip
     head = "".join(f'<th role="columnheader" scope="col">{as_html(text)}</th>' for text in headings)
     lacking: dict[str, list[str]] = {}
     for claim in claims:
@@ -331,9 +402,12 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
     )
     return (
         "<p>A claim is supported if every comparison it names has its 95 % interval on the side "
-        "stated, contradicted if one lies wholly on the other side, else undecided. Differences "
-        "are paired by seed. In the small pictures the shaded side is the one stated; all that "
-        f"have one unit have one scale: {as_html(_scale_words(scales))}.</p>{told}"
+        "stated, contradicted if one lies on the other side by an interval that is widened for the "
+        "number of comparisons, else undecided; under six seeds it is undecided. Differences are "
+        "paired by seed; p is exact, by sign flips. In the small pictures the shaded side is the "
+        "one stated, each stroke a seed; all that have one unit have one scale: "
+        f"{as_html(_scale_words(scales))}.</p>"
+        f"<p>{as_html(sentence(claims_table.holm_words(claims)))}</p>{told}"
         f'<table class="claims" role="table"><thead role="rowgroup"><tr role="row">{head}</tr>'
         f"</thead>{''.join(_claim(claim, scales) for claim in claims)}</table>"
         + (f'<div class="note">{notes}</div>' if notes else "")
@@ -341,12 +415,12 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
 
 
 def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
-    advice = claims_table.advice(claim)
+    told = "; ".join(claims_table.cautions(claim))
     rows = [
         f'<tr class="claim" role="row" id="{as_html(claim.name)}">'
-        '<th role="rowheader" scope="rowgroup" colspan="5">'
+        '<th role="rowheader" scope="rowgroup" colspan="6">'
         + as_html(f"{claim.name}: {claim.text}")
-        + (f'<br><span class="muted">{as_html(sentence(advice))}</span>' if advice else "")
+        + (f'<br><span class="muted">{as_html(sentence(told))}</span>' if told else "")
         + f'</th><td role="cell">{_chip(claim.verdict)}</td></tr>'
     ]
     for item in claim.comparisons:
@@ -355,6 +429,7 @@ def _claim(claim: Claim, scales: Mapping[str, Scale]) -> str:
             ("compared", "", as_html(item.what)),
             ("number", "", as_html(claims_table.effect(item))),
             ("picture", "", _whisker(item, scales)),
+            ("number", "p", as_html(claims_table.exact_p(item))),
             ("number", "stated", as_html(side)),
             ("number", "seeds", str(item.effect.n)),
             (item.verdict, "", as_html(item.verdict)),
@@ -370,9 +445,8 @@ def _chip(verdict: str) -> str:
 
 
 def _unit(item: Comparison) -> str:
-    """Name the unit of an effect's axis: without one it counts false alarms, or is a share."""
-    counts = item.what.endswith(f": {WORDS['fp']}")
-    return item.unit or (WORDS["fp"] if counts else "shares")
+    """Name the unit of an effect's axis: without one it is a share."""
+    return item.unit or "shares"
 
 
 def _scales(claims: Sequence[Claim]) -> dict[str, Scale]:
@@ -380,7 +454,8 @@ def _scales(claims: Sequence[Claim]) -> dict[str, Scale]:
     ends: dict[str, list[float]] = {}
     for item in (item for claim in claims for item in claim.comparisons if item.effect.n):
         effect, stated = item.effect, item.stated
-        marks = (0.0, effect.mean, effect.low, effect.high, stated.low, stated.high)
+        marks = (0.0, effect.mean, effect.low, effect.high, stated.low, stated.high,
+                 *item.values.values())  # fmt: skip
         ends.setdefault(_unit(item), []).extend(mark for mark in marks if abs(mark) < BEYOND_PAGE)
     margins = {unit: 0.05 * (max(marks) - min(marks)) or 1.0 for unit, marks in ends.items()}
     return {
@@ -402,8 +477,10 @@ def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
         return ""
     low, high = scales[_unit(item)]
     marks = (effect.mean, effect.low, effect.high, stated.low, stated.high, 0.0)
-    shares = [min(max((value - low) / (high - low), 0.0), 1.0) for value in marks]
-    middle, left, right, start, end, zero = (round(4 + 122 * share, 1) for share in shares)
+    middle, left, right, start, end, zero, *seeds = (
+        round(4 + 122 * min(max((value - low) / (high - low), 0.0), 1.0), 1)
+        for value in (*marks, *item.values.values())
+    )
     start, end = (
         0.0 if math.isinf(stated.low) else start,
         130.0 if math.isinf(stated.high) else end,
@@ -413,7 +490,8 @@ def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
     return (
         '<svg viewBox="0 0 130 16" aria-hidden="true">'
         f'<rect class="stated" x="{start}" y="0" width="{end - start:.1f}" height="16"/>'
-        f'<path class="zero" d="M{zero} 0V16"/><g class="{item.verdict}">{interval}'
+        f'<path class="zero" d="M{zero} 0V16"/><g class="{item.verdict}">'
+        f'<path class="seeds" d="{"".join(f"M{seed} 2V14" for seed in seeds)}"/>{interval}'
         f'<circle class="middle" cx="{middle}" cy="8" r="4"/></g></svg>'
     )
 
@@ -434,8 +512,8 @@ def _detector(
     return (
         "<p>Recall is the share of the outliers that was flagged; precision the share of outliers "
         "among what was flagged; the false-alarm rate the share of the clean samples that was "
-        "flagged. The charts pool all seeds in stretches of the mission, with 95 % bootstrap bands "
-        "over whole seeds: batch scope counts each epoch's own samples, historical scope "
+        "flagged. The charts pool all seeds in stretches of the mission, with 95 % bands over "
+        "seeds: batch scope counts each epoch's own samples, historical scope "
         "everything judged so far.</p>"
         '<div class="toolbar"><label for="quality-choice">Runs</label>'
         '<select id="quality-choice"></select><div class="legend" data-legend="quality" '

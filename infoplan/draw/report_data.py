@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.analyse.curves import (
-    collapse,
+    collapsed_ends,
     common_axis,
     drawable,
     missions,
@@ -25,12 +25,14 @@ from infoplan.analyse.curves import (
 )
 from infoplan.analyse.detection import detector_quality
 from infoplan.analyse.relief import by_relief, grid_of, on_grid
-from infoplan.analyse.statistics import RESAMPLES, Interval, bootstrap_band, bootstrap_mean
+from infoplan.analyse.statistics import Interval, mean_band, mean_interval, ratio_band
 from infoplan.analyse.stretches import load_scored_curves
 from infoplan.analyse.tables import Selection, load_samples
 from infoplan.backend import load_matplotlib
+from infoplan.collapse import counted_ends, share_text
 from infoplan.config import is_survey
-from infoplan.draw.fig5 import PANELS
+from infoplan.draw.calibration import coverage
+from infoplan.draw.line_panels import PANELS
 from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.records import Footer
 from infoplan.study.store import read_footer, read_table, table_path
@@ -113,19 +115,23 @@ class Findings:
         RMSE there, one column a mission (levels run and seed), terrain's unit.
     summaries
         One row a mission, as `infoplan.analyse.summarise` gives it.
-    collapse
-        How many missions end with a collapsed model; empty if none does.
+    ends
+        Whether each mission, by run and seed, ends with a collapsed model.
     """
 
     axis: NDArray[np.int64]
     curves: pd.DataFrame
     summaries: pd.DataFrame
-    collapse: str
+    ends: dict[tuple[str, int], bool | None]
 
     def interval(self, run: str, name: str) -> Interval:
         """Mean over a run's seeds of a number a mission, with its 95 % interval."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            return bootstrap_mean(self.summaries.loc[[run], name])
+        return mean_interval(self.summaries.loc[[run], name])
+
+    def collapsed(self, run: str) -> str:
+        """How many of a run's missions end with a collapsed model."""
+        of_run = [end for (name, _), end in self.ends.items() if name == run]
+        return share_text(*counted_ends(of_run))
 
     def gaps(self, runs: Iterable[str]) -> list[str]:
         """Those of some runs that have errors which no chart shows."""
@@ -148,8 +154,8 @@ def read_findings(selection: Selection) -> Findings:
     curves = load_scored_curves(selection)
     whole = common_axis(curves)
     axis = np.unique(np.linspace(whole[0], whole[-1], CURVE_POINTS).round().astype(np.int64))
-    told = collapse(curves, selection.results_dir)
-    return Findings(axis, on_common_axis(curves, axis), summarise(curves), told)
+    ends = collapsed_ends(curves, selection.results_dir)
+    return Findings(axis, on_common_axis(curves, axis), summarise(curves), ends)
 
 
 def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, Any]]:
@@ -160,9 +166,29 @@ def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, 
         for method, run in panel.runs.items():
             seeds = findings.shown[run]
             singles = {str(seed): _rounded(seeds[seed]) for seed in seeds}
-            lines.append(_line(method, bootstrap_band(seeds.to_numpy().T)) | {"seeds": singles})
+            lines.append(_line(method, mean_band(seeds.to_numpy().T)) | {"seeds": singles})
         charts.append({"title": panel.title, "lines": lines})
     return charts
+
+
+def calibration_charts(selection: Selection, panels: Sequence[Panel]) -> dict[str, Any]:
+    """Lines of each panel: share of the map within central intervals, by their level.
+
+    Returns
+    -------
+    dict
+        ``axis``: the levels; ``panels``: a title and the lines, a mean with its 95 % band each.
+    """
+    axis: list[float] = []
+    charts = []
+    for panel in panels:
+        lines = []
+        for method, run in panel.runs.items():
+            seeds = coverage(selection.only([run]))
+            axis = seeds.index.tolist()
+            lines.append(_line(method, mean_band(seeds.to_numpy().T)))
+        charts.append({"title": panel.title, "lines": lines})
+    return {"axis": axis, "panels": charts}
 
 
 Parts = Callable[[pd.DataFrame], tuple["pd.Series[float]", "pd.Series[float]"]]
@@ -213,7 +239,7 @@ def quality_charts(selection: Selection, panels: Sequence[Panel]) -> dict[str, A
 def pooled_ratio(
     rows: pd.DataFrame, part: "pd.Series[float]", whole: "pd.Series[float]", bins: int
 ) -> Floats:
-    """Ratio of sums over seeds and epochs in each stretch, with a 95 % bootstrap band over seeds.
+    """Ratio of sums over seeds and epochs in each stretch, with a 95 % band over seeds.
 
     Parameters
     ----------
@@ -234,16 +260,7 @@ def pooled_ratio(
     parts, wholes = np.zeros((2, len(seeds), bins))
     np.add.at(parts, (seed, rows["stretch"]), part)
     np.add.at(wholes, (seed, rows["stretch"]), whole)
-    known = wholes.sum(axis=0) > 0
-    band = np.full((3, bins), np.nan)
-    band[0, known] = parts.sum(axis=0)[known] / wholes.sum(axis=0)[known]
-    if len(seeds) > 1 and known.any():
-        drawn = np.random.default_rng(0).integers(len(seeds), size=(RESAMPLES, len(seeds)))
-        times = np.stack([np.sum(drawn == i, axis=1) for i in range(len(seeds))], axis=1)
-        with np.errstate(invalid="ignore"):
-            resampled = (times @ parts[:, known]) / (times @ wholes[:, known])
-        band[1:, known] = np.nanquantile(resampled, [0.025, 0.975], axis=0)
-    return band
+    return ratio_band(parts, wholes)
 
 
 def alarm_map(selection: Selection, panels: Sequence[Panel]) -> dict[str, Any]:

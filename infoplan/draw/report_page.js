@@ -19,11 +19,21 @@
     return text;
   }
 
-  // A chart: lines over collected samples. The charts of a group share scale and cursor.
+  // What runs along the horizontal axis: its label, and how a value of it is said.
+
+  const SAMPLES = { label: "collected samples", one: "a number of collected samples", say: (value) => `${value} samples` };
+  const LEVELS = {
+    label: "level of the interval",
+    one: "a level",
+    say: (value) => `interval of ${+(100 * value).toPrecision(3)} %`,
+    diagonal: true,
+  };
+
+  // A chart: lines over such an axis. The charts of a group share scale and cursor.
 
   class Group {
-    constructor(axis, { unit, top }) {
-      Object.assign(this, { axis, unit, top, charts: [], cursor: null });
+    constructor(axis, { unit, top, across = SAMPLES }) {
+      Object.assign(this, { axis, unit, top, across, charts: [], cursor: null });
       groups.push(this);
     }
 
@@ -59,7 +69,7 @@
         class: "plot",
         tabindex: "0",
         role: "slider",
-        "aria-label": `${title}: values at a number of collected samples`,
+        "aria-label": `${title}: values at ${group.across.one}`,
         "aria-valuemin": group.axis[0],
         "aria-valuemax": group.axis.at(-1),
       });
@@ -101,11 +111,14 @@
         );
       }
       for (const value of ticks(axis[0], axis.at(-1), width / 70)) {
-        drawing.append(svg("text", { x: this.x(value), y: box.bottom + 16, "text-anchor": "middle" }, String(value)));
+        drawing.append(svg("text", { x: this.x(value), y: box.bottom + 16, "text-anchor": "middle" }, String(+value.toPrecision(6))));
+      }
+      if (this.group.across.diagonal) {
+        drawing.append(svg("line", { class: "diagonal", x1: this.x(axis[0]), x2: this.x(axis.at(-1)), y1: this.y(axis[0]), y2: this.y(axis.at(-1)) }));
       }
       drawing.append(
         svg("line", { class: "axis", x1: box.left, x2: box.right, y1: box.bottom, y2: box.bottom }),
-        svg("text", { class: "label", x: box.right, y: height - 4, "text-anchor": "end" }, "collected samples"),
+        svg("text", { class: "label", x: box.right, y: height - 4, "text-anchor": "end" }, this.group.across.label),
         svg("text", { class: "label", x: box.left + 4, y: box.top + 2 }, unit),
       );
       const lines = this.visible();
@@ -177,7 +190,7 @@
           element("td", { class: "number muted" }, interval(line, at)),
         ),
       );
-      const heading = `${this.group.axis[at]} samples${this.group.unit ? `, ${this.group.unit}` : ""}`;
+      const heading = `${this.group.across.say(this.group.axis[at])}${this.group.unit ? `, ${this.group.unit}` : ""}`;
       this.tip.replaceChildren(element("strong", {}, heading), element("table", {}, element("tbody", {}, ...rows)));
       this.tip.hidden = false;
       const room = this.width - this.tip.offsetWidth;
@@ -187,7 +200,7 @@
 
     words(lines, at) {
       const values = lines.map((line) => `${line.method} ${shown(line.mean[at])} ${interval(line, at)}`.trim());
-      return `${this.group.axis[at]} samples: ${values.join("; ")}`;
+      return `${this.group.across.say(this.group.axis[at])}: ${values.join("; ")}`;
     }
 
     follow(event) {
@@ -273,6 +286,16 @@
       press(seeds, singleSeeds);
       group.draw();
     });
+  }
+
+  function calibration() {
+    const host = document.getElementById("calibration-panels");
+    if (!host) return;
+    const { axis, panels } = data.calibration;
+    const group = new Group(axis, { unit: "share of the map within", top: 1, across: LEVELS });
+    for (const panel of panels) host.append(new Chart(group, panel.title, panel.lines).figure);
+    legend(document.querySelector("[data-legend=calibration]"), methodsOf(panels.flatMap((panel) => panel.lines)));
+    group.draw();
   }
 
   function detector() {
@@ -400,6 +423,7 @@
 
   theme();
   curves();
+  calibration();
   detector();
   places();
   sorting();

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from infoplan.analyse.configurations import Options, differing, option_text, stored_options
-from infoplan.analyse.statistics import bootstrap_mean
-from infoplan.collapse import collapse_sentence
+from infoplan.analyse.statistics import mean_interval
+from infoplan.collapse import collapse_sentence, counted_ends, share_text
 from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
@@ -25,8 +25,9 @@ from infoplan.wording import counted, figure, harmless, interval, spans
 def print_summary(study: Study, console: Console) -> None:
     """Print RMSE along the budget, detector quality, time and failures of a study's runs."""
     curves = {run.name: stored_curves(study, run, seeds) for run, seeds in study.runs}
-    _print_closing_table(study, curves, console)
-    if said := collapse_sentence(_ends(study, curves)):
+    ends = {run.name: _ends(study, run, curves[run.name]) for run, _ in study.runs}
+    _print_closing_table(study, curves, ends, console)
+    if said := collapse_sentence([end for of_run in ends.values() for end in of_run]):
         say(console, said, style="yellow")
     for label, reason, path in study.failed:
         say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
@@ -98,7 +99,10 @@ def option_cells(flat: Options, names: list[str]) -> dict[str, str]:
 
 
 def _print_closing_table(
-    study: Study, curves: dict[str, list[StoredCurve]], console: Console
+    study: Study,
+    curves: dict[str, list[StoredCurve]],
+    ends: dict[str, list[bool | None]],
+    console: Console,
 ) -> None:
     runs = [run for run, _ in study.runs]
     budgets = {run.config.budget for run in runs}
@@ -114,33 +118,38 @@ def _print_closing_table(
     ]
     at = [f"at {round(min(budgets) * share)}" if len(budgets) == 1 else f"at {share:.0%}"
           for share in shares]  # fmt: skip
-    numbers = [*at, "precision", "recall", "false alarms", "s a seed"]
+    numbers = [*at, "precision", "recall", "false alarms", "collapsed", "s a seed"]
     columns += [TextColumn(name, right=True) for name in numbers]
     drawn = small_curves(
         [curves[run.name] for run in runs], braille=takes_braille(console.encoding)
     )
     rows = [
         [label(run), *swept[run.name].values(), drawing,
-         *_cells(run, seeds, curves[run.name], shares)]
+         *_cells(run, seeds, curves[run.name], ends[run.name], shares)]
         for (run, seeds), drawing in zip(study.runs, drawn, strict=True)
     ]  # fmt: skip
-    title = f"RMSE in {' or '.join(units)}: mean [95 % bootstrap interval over seeds]"
+    title = f"RMSE in {' or '.join(units)}: mean [95 % interval over seeds]"
     print_table(console, title, columns, rows)
 
 
-def _ends(study: Study, curves: dict[str, list[StoredCurve]]) -> list[bool | None]:
-    """Tell of each mission that is done whether its model has collapsed at the end."""
+def _ends(study: Study, run: Run, curves: list[StoredCurve]) -> list[bool | None]:
+    """Tell of each mission of a run that is done whether its model has collapsed at the end."""
     return [
         ended_collapsed(study.results_dir, run.name, int(curve["seed"][-1]), curve.last)
-        for run, _ in study.runs
-        for curve in curves[run.name]
+        for curve in curves
     ]
 
 
-def _cells(run: Run, seeds: list[int], curves: list[StoredCurve], shares: list[float]) -> list[str]:
+def _cells(
+    run: Run,
+    seeds: list[int],
+    curves: list[StoredCurve],
+    ends: list[bool | None],
+    shares: list[float],
+) -> list[str]:
     count = str(len(seeds)) if len(curves) == len(seeds) else f"{len(curves)} of {len(seeds)}"
     if not curves:
-        return [count, *[""] * (len(shares) + 4)]
+        return [count, *[""] * (len(shares) + 5)]
     milestones = [round(run.config.budget * share) for share in shares]
     errors = np.array(
         [np.interp(milestones, curve["collected"], curve["rmse"], left=np.nan) for curve in curves]
@@ -154,6 +163,7 @@ def _cells(run: Run, seeds: list[int], curves: list[StoredCurve], shares: list[f
         _ratio(tp, tp + fp),
         _ratio(tp, tp + fn),
         f"{fp.mean():.1f}",
+        share_text(*counted_ends(ends)),
         figure(float(np.mean([curve.seconds for curve in curves]))),
     ]
 
@@ -180,7 +190,7 @@ def _counted(run: Run, curve: StoredCurve, key: str) -> int:
 
 
 def _show(values: NDArray[np.float64]) -> str:
-    mean = bootstrap_mean(values)
+    mean = mean_interval(values)
     return interval(mean.mean, mean.low, mean.high).replace(" ", "\n", 1)
 
 

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
+Rgba = tuple[float, float, float, float]
+
+WHITE: Rgba = (1.0, 1.0, 1.0, 1.0)
 
 COLUMN = 3.5
 """Width of a journal's column, inches."""
@@ -33,6 +36,7 @@ LONGEST, LONGEST_UNIT = 60, 20
 """So many characters of a user's text does a picture show; more would push the axes aside."""
 
 ELEVATION, DEVIATION, ERROR, DENSITY = "viridis", "cividis", "magma_r", "YlOrBr"
+SCORE = "cividis_r"
 """Colour maps; lightness alone tells their values apart."""
 
 # Any: matplotlib types its settings name by name.
@@ -305,3 +309,35 @@ def _pixel_extent(shape: tuple[int, ...], extent: Extent) -> Extent:
     half_x = (extent[1] - extent[0]) / (shape[1] - 1) / 2
     half_y = (extent[3] - extent[2]) / (shape[0] - 1) / 2
     return extent[0] - half_x, extent[1] + half_x, extent[2] - half_y, extent[3] + half_y
+
+
+def score_colours(values: Floats) -> "ScalarMappable":
+    """Colour scores, light the best, on a logarithmic scale that ends at the 90th percentile.
+
+    So a few that are far worse than the rest leave it its shades.
+
+    Parameters
+    ----------
+    values
+        Scores above 0; others, and NaN, have no say in the scale.
+    """
+    load_matplotlib()
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LogNorm
+
+    known = values[np.isfinite(values) & (values > 0)]
+    low, high = (float(known.min()), float(np.quantile(known, 0.9))) if len(known) else (0.1, 1.0)
+    return ScalarMappable(LogNorm(low, max(high, 1.05 * low), clip=True), SCORE)
+
+
+def rgba(colours: "ScalarMappable", value: float) -> Rgba:
+    """Colour of a value: red, green, blue, opacity."""
+    red, green, blue, opacity = map(float, colours.to_rgba(np.array(value)))
+    return red, green, blue, opacity
+
+
+def ink_on(colour: Rgba) -> str:
+    """Black or white, whichever contrasts more with a colour (relative luminance of WCAG 2)."""
+    channels = np.array(colour[:3])
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    return "black" if float(linear @ (0.2126, 0.7152, 0.0722)) > 0.179 else "white"

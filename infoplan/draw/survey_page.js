@@ -8,7 +8,9 @@
   const y = singles(data.samples.y);
   const value = new Float64Array(bytes(data.samples.value).buffer);
   const row = new Int32Array(bytes(data.samples.row).buffer);
+  const source = new Int32Array(bytes(data.samples.log).buffer);
   const { time } = data.samples;
+  const { logs } = data; // empty if there is one alone
   const count = x.length;
   const detectors = data.detectors.map((one) => ({
     ...one,
@@ -54,7 +56,8 @@
     ];
     if (limit !== null) told.push(["threshold", computed(limit)]);
     told.push(["row", String(row[i])]);
-    if (time) told.push(["time", time[i]]);
+    if (logs.length) told.push(["log", logs[source[i]]]);
+    if (time) told.push(["time", time[i] ?? "–"]);
     return told;
   }
 
@@ -202,8 +205,9 @@
     let [lastX, lastY] = [NaN, NaN];
     for (let i = 0; i < count; i++) {
       const [left, top] = toScreen(x[i], y[i]);
-      if (Math.abs(left - lastX) < 1 && Math.abs(top - lastY) < 1) continue;
-      if (i === 0) pen.moveTo(left, top);
+      const begins = i === 0 || source[i] !== source[i - 1];
+      if (!begins && Math.abs(left - lastX) < 1 && Math.abs(top - lastY) < 1) continue;
+      if (begins) pen.moveTo(left, top);
       else pen.lineTo(left, top);
       [lastX, lastY] = [left, top];
     }
@@ -498,13 +502,16 @@
 
   // The list of flagged samples
 
+  const words = new Set(["log", "time"]); // columns that are no numbers
+
   const list = {
     column: -1,
     up: false,
     all: false,
     columns: [
       ["row", (i) => row[i], (i) => String(row[i])],
-      ...(time ? [["time", (i) => i, (i) => time[i]]] : []),
+      ...(logs.length ? [["log", (i) => source[i], (i) => logs[source[i]]]] : []),
+      ...(time ? [["time", (i) => i, (i) => time[i] ?? "–"]] : []),
       [inUnit("value", data.unit), (i) => value[i], (i) => measured(value[i])],
       ["expected", (i) => detector.expected[i], (i) => computed(detector.expected[i])],
       ["difference", (i) => value[i] - detector.expected[i], (i) => computed(value[i] - detector.expected[i])],
@@ -513,7 +520,7 @@
 
     begin() {
       const headings = list.columns.map(([name], k) =>
-        element("th", { scope: "col", class: k && name !== "time" ? "number" : "" }, name));
+        element("th", { scope: "col", class: k && !words.has(name) ? "number" : "" }, name));
       at("flag-table").tHead.rows[0].append(...headings);
       headings.at(-1).setAttribute("aria-sort", "descending");
       list.column = headings.length - 1;
@@ -550,7 +557,7 @@
         at("place").scrollIntoView({ block: "start" });
       });
       const cells = list.columns.slice(1).map(([name, , text]) =>
-        element("td", { class: name === "time" ? "" : "number" }, text(i)));
+        element("td", { class: words.has(name) ? "" : "number" }, text(i)));
       return element("tr", { "data-sample": i, class: kept && pointed === i ? "kept" : "" },
         element("th", { scope: "row" }, button), ...cells);
     },

@@ -10,7 +10,7 @@ from infoplan.analyse.detector_check import agreement
 from infoplan.analyse.stretches import read_stretches
 from infoplan.analyse.verdicts import Verdict, survey_verdicts
 from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
-from infoplan.draw.survey_page_data import page_data
+from infoplan.draw.survey_page_data import page_data, sources_of
 from infoplan.draw.survey_table import score_lines
 from infoplan.study.store import read_table
 from infoplan.study.study import Study
@@ -48,10 +48,10 @@ def write_survey_page(path: Path, study: Study, log: SurveyLog) -> str:
         for name in ("samples", "maps", "curves")
     )
     told = samples["measured"].notna().to_numpy()
-    samples, rows = samples[told], log.rows[told]
+    samples, sources = samples[told], sources_of(log)[told]
     verdicts, remarks = survey_verdicts(samples, curve.iloc[-1].to_dict(), run.config)
     own = next(iter(verdicts))
-    data = page_data(samples, rows, maps, verdicts, log, run.config.terrain)
+    data = page_data(samples, sources, maps, verdicts, log, run.config.terrain)
     data["belongs"] = (
         f"The map is that of {own}, with which the survey was done: another choice shows the "
         "flags, scores and expected values of another detector on the same map."
@@ -121,7 +121,11 @@ def limit_words(threshold: float | None) -> str:
 
 def _numbers(log: SurveyLog, silent: int, run: str, scores: Sequence[str]) -> str:
     """Tell what the reader of the log has met, and the cross-validated scores."""
-    facts = [f"{counted(len(log), 'sample')} from {len(log.columns)} rows of the log", *log.remarks]
+    facts = list(log.remarks) if log.parts else []
+    for one in log.parts or (log,):
+        before = f"{one.name}: " if log.parts else ""
+        facts.append(f"{before}{counted(len(one), 'sample')} from {len(one.columns)} rows")
+        facts += [before + remark for remark in one.remarks]
     if silent:
         facts.append(f"{counted(silent, 'sample')} without a value: not on the map")
     lists = [[sentence(one) for one in told] for told in (facts, scores)]
@@ -129,6 +133,7 @@ def _numbers(log: SurveyLog, silent: int, run: str, scores: Sequence[str]) -> st
         f"<ul>{''.join(f'<li>{as_html(line)}</li>' for line in lines)}</ul>" for lines in lists
     )
     return (
-        f"<p>The log:</p>{log_list}<p>How well the samples that are kept predict each other:</p>"
+        f"<p>What was read:</p>{log_list}"
+        "<p>How well the samples that are kept predict each other:</p>"
         f"{score_list}<p>The run: <code>{as_html(run)}</code></p>"
     )

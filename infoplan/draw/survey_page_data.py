@@ -36,7 +36,7 @@ LAYERS = {
 
 def page_data(
     samples: pd.DataFrame,
-    rows: NDArray[np.int64],
+    sources: pd.DataFrame,
     maps: pd.DataFrame,
     verdicts: Mapping[str, Verdict],
     log: SurveyLog,
@@ -48,8 +48,8 @@ def page_data(
     ----------
     samples, maps
         The survey's tables; of the samples those that have a value, shape (n, ...).
-    rows
-        Rows of the log's columns that they are, shape (n,).
+    sources
+        Of these samples, as `sources_of` gives them.
     verdicts
         By the detector's name.
     log, place
@@ -66,6 +66,7 @@ def page_data(
     return {
         "value": _value_name(log),
         "unit": unit,
+        "logs": [one.name for one in log.parts],
         "crs": None if log.crs is None else harmless(log.crs),
         "origin": list(place.origin),
         "extent": list(grid.extent),
@@ -84,8 +85,9 @@ def page_data(
             "x": packed(samples["x1"], "<f4"),
             "y": packed(samples["x2"], "<f4"),
             "value": packed(samples["measured"], "<f8"),
-            "row": packed(rows + 1, "<i4"),
-            "time": _times(log, rows),
+            "row": packed(sources["row"], "<i4"),
+            "log": packed(sources["log"], "<i4"),
+            "time": None if sources["time"].isna().all() else sources["time"].tolist(),
         },
         "detectors": [
             {
@@ -157,19 +159,29 @@ def _layer(values: Floats, colour_map: str) -> dict[str, Any]:
 
 
 def _value_name(log: SurveyLog) -> str:
-    """Name the column of values, without the unit."""
-    name = log.roles["value"]
+    """Name the column of values, without the unit; of several logs that of the first."""
+    name = (log.parts or (log,))[0].roles["value"]
     found = BRACKETS.fullmatch(name)
     return _short(found[1] if found and found[1] else name)
 
 
-def _times(log: SurveyLog, rows: NDArray[np.int64]) -> list[str] | None:
-    """Give the times of samples as the log has them; None without such a column."""
-    names = [log.roles[role] for role in ("date", "time") if role in log.roles]
-    if not names:
-        return None
-    cells = log.columns[names].iloc[rows].astype(str)
-    return [_short(" ".join(row)) for row in cells.itertuples(index=False)]
+def sources_of(log: SurveyLog) -> pd.DataFrame:
+    """Say where the samples of a log, or of several made into one, come from.
+
+    Returns
+    -------
+    DataFrame
+        A row a sample: ``log``, its number among `SurveyLog.parts`; ``row`` of that log, from 1;
+        ``time`` as it is written there, None where it tells none.
+    """
+    frames = []
+    for number, one in enumerate(log.parts or (log,)):
+        names = [one.roles[role] for role in ("date", "time") if role in one.roles]
+        cells = one.columns[names].iloc[one.rows].astype(str)
+        times = [_short(" ".join(row)) for row in cells.itertuples(index=False)] if names else None
+        frames.append(pd.DataFrame({"log": number, "row": one.rows + 1, "time": times}))
+    sources = pd.concat(frames, ignore_index=True)
+    return sources.assign(time=sources["time"].astype(object).where(sources["time"].notna(), None))
 
 
 def _short(text: str) -> str:

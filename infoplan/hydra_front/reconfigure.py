@@ -23,7 +23,7 @@ from infoplan.hydra_front.compose import compose
 
 @dataclass(frozen=True)
 class Opening:
-    """What overrides may change besides detector, model and `REPLAY_OPTIONS`.
+    """What overrides may change besides some groups and `REPLAY_OPTIONS`.
 
     Attributes
     ----------
@@ -33,11 +33,14 @@ class Opening:
         Further options of the root.
     how
         Options that say how it is run.
+    groups
+        Which groups.
     """
 
     what: str
     options: tuple[str, ...] = ()
     how: tuple[str, ...] = REPLAY_HOW
+    groups: tuple[str, ...] = REPLAY_GROUPS
 
 
 REPLAY = Opening(
@@ -49,6 +52,11 @@ SURVEY = Opening(
     "options, planner.smoothing or grid",
     SURVEY_OPTIONS,
     SURVEY_HOW,
+)
+AHEAD = Opening(
+    "track ahead, for which the survey is as it is: change planner or its options",
+    how=(),
+    groups=("planner",),
 )
 
 
@@ -62,9 +70,9 @@ def reconfigure(
     config
         The source's.
     overrides
-        Hydra's: ``detector=...`` or ``model=...`` chooses anew, with that choice's defaults;
-        ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option, those of
-        `Opening.how` say how it is run, and all else stays.
+        Hydra's: ``detector=...`` or ``model=...`` (of `Opening.groups`) chooses anew, with that
+        choice's defaults; ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option,
+        those of `Opening.how` say how it is run, and all else stays.
     opened
         What else may be changed, and of what.
 
@@ -84,7 +92,7 @@ def reconfigure(
     composed = compose([*kept, *overrides])
     parts: dict[str, Any] = {"planner": config.planner, "detector": config.detector,
                              "model": config.model}  # fmt: skip
-    parts |= {group: getattr(composed, group) for group in REPLAY_GROUPS if group in names}
+    parts |= {group: getattr(composed, group) for group in opened.groups if group in names}
     for name in names:
         group, _, rest = name.partition(".")
         if not rest or group in names:  # of a group that is chosen anew all is as composed
@@ -120,7 +128,7 @@ def _opened(override: str, opened: Opening) -> str:
         ) from error
     name = parsed.key_or_group
     if parsed.is_delete() or (
-        name.split(".")[0] not in REPLAY_GROUPS
+        name.split(".")[0] not in opened.groups
         and name not in (*REPLAY_OPTIONS, *opened.how, *opened.options)
     ):
         raise UsageError(f"{override} is not open to a {opened.what}")

@@ -29,6 +29,9 @@ class Passes(NamedTuple):
     fill_cross
         (a, b, constants, variance, out): writes the covariances between two sets of inputs, shapes
         (2, m) and (2, n), into `out` of shape (m, n).
+    fill_upper
+        (x, constants, variance, diagonal, out): writes the upper triangle of the covariance of the
+        data into `out` of shape (n, n), with `diagonal` on its diagonal; the rest stays as it is.
     gradient_sums
         (x, constants, weights, inverse): with W = w w^T - K_y^-1 (Rasmussen & Williams, eq. 5.9)
         of the weights w = K_y^-1 y and the packed inverse returns the sums over pairs of different
@@ -39,6 +42,7 @@ class Passes(NamedTuple):
 
     fill: Callable[[np.ndarray, Sums, float, float, np.ndarray], None]
     fill_cross: Callable[[np.ndarray, np.ndarray, Sums, float, np.ndarray], None]
+    fill_upper: Callable[[np.ndarray, Sums, float, float, np.ndarray], None]
     gradient_sums: Callable[[np.ndarray, Sums, np.ndarray, np.ndarray], tuple[Sums, float]]
 
 
@@ -72,6 +76,17 @@ def passes_of(kernel: Kernel) -> Passes:
             for j in range(b1.size):
                 out[i, j] = variance * correlation(constants, a[0, i], a[1, i], b1[j], b2[j])
 
+    @compiled(fastmath={"contract"})
+    def fill_upper(
+        x: np.ndarray, constants: Sums, variance: float, diagonal: float, out: np.ndarray
+    ) -> None:
+        x1, x2 = x[0], x[1]
+        for i in range(x1.size):
+            out[i, i] = diagonal
+            run1, run2, run = x1[i + 1 :], x2[i + 1 :], out[i, i + 1 :]
+            for j in range(run.size):
+                run[j] = variance * correlation(constants, x1[i], x2[i], run1[j], run2[j])
+
     @compiled(fastmath={"contract", "reassoc"})
     def gradient_sums(
         x: np.ndarray, constants: Sums, weights: np.ndarray, inverse: np.ndarray
@@ -90,7 +105,7 @@ def passes_of(kernel: Kernel) -> Passes:
                 sums = add(sums, gradient(weight, constants, run1[i], run2[i], x1[p], x2[p]))
         return sums, trace
 
-    return Passes(fill, fill_cross, gradient_sums)
+    return Passes(fill, fill_cross, fill_upper, gradient_sums)
 
 
 @cache

@@ -85,6 +85,28 @@ def to_degrees(x: Floats, crs: str) -> tuple[Floats, Floats]:
     return lat, lon
 
 
+def between(x: Floats, crs: str, plane: str, what: str) -> Floats:
+    """Put places of another coordinate reference system, x or longitude first, on a plane.
+
+    Raises
+    ------
+    UsageError
+        If the system is not known, or a place cannot be projected.
+    """
+    pyproj = _pyproj()
+    try:
+        transformer = pyproj.Transformer.from_crs(crs, plane, always_xy=True)
+    except pyproj.exceptions.CRSError as error:
+        raise UsageError(
+            f"{what} names the coordinate system {harmless(crs)}, which is not known: export it in "
+            "WGS 84 (EPSG:4326)"
+        ) from error
+    found = np.column_stack(transformer.transform(x[:, 0], x[:, 1]))
+    if not np.isfinite(found).all():
+        raise UsageError(f"{what} has places that {harmless(plane)} does not reach")
+    return found
+
+
 def _pyproj() -> Any:
     try:
         import pyproj

@@ -1,6 +1,5 @@
 """Made-up missions for which the verdicts are known."""
 
-import math
 from pathlib import Path
 
 import made_tables
@@ -8,7 +7,8 @@ import numpy as np
 import pytest
 
 from infoplan.analyse import METHODS, find_study, judge_claims
-from infoplan.analyse.claims import recall_lost, returned
+from infoplan.analyse.claims import COMPARISONS, TEXTS, recall_lost, returned
+from infoplan.cli import main
 
 SEEDS = 6
 AXIS = [100, 150, 500, 1000, 2000]
@@ -83,6 +83,7 @@ def test_c2_best_ends_lowest(tmp_path, ends, wiggle, verdict):
         ([900, 800, 700, 650, 600], ["contradicted", *["supported"] * 3]),
         ([500, 400, 300, 330, 350], ["supported", "supported", "contradicted", "supported"]),
         ([609, 605, 600, 602, 605], ["undecided", *["supported"] * 3]),
+        ([620, 615, 600, 610, 603], ["contradicted", *["supported"] * 3]),
     ],
 )
 def test_c3_none_falls_then_rises_and_ends_highest(tmp_path, none, expected):
@@ -138,27 +139,34 @@ def test_c6_copod_loses_its_advantage_unless_it_plans_for_it(tmp_path, ends, exp
 
 
 @pytest.mark.parametrize(
-    ("share", "verdict"), [(0.97, "supported"), (0.5, "contradicted"), (0.9, "undecided")]
+    ("lower", "verdict"), [(-20.0, "supported"), (100.0, "contradicted"), (5.5, "undecided")]
 )
-def test_c7_ineffective_is_not_below_none_by_a_tenth(tmp_path, share, verdict):
+def test_c7_ineffective_is_not_below_none_by_the_margin(tmp_path, lower, verdict):
     for seed in range(SEEDS):
-        none = 1000.0 + 20 * WIGGLE[seed]
+        none = 1000.0 + 5 * WIGGLE[seed]
         made_tables.store(tmp_path, "uct-none", seed=seed, rmse=[500, 500, none])
         for method in ("uct-copod", "puct-copod"):
-            rmse = [500, 500, share * 1000.0]
+            rmse = [500, 500, 1000.0 - lower]
             made_tables.store(tmp_path, method, scope="historical", seed=seed, rmse=rmse)
     assert judged(tmp_path, "C7").verdict == verdict
 
 
-@pytest.mark.parametrize(("alarms", "verdict"), [(3, "supported"), (30, "contradicted")])
-def test_c8_false_alarms_count_and_rate(tmp_path, alarms, verdict):
-    store(tmp_path, "UCT-COPOD", counts=[(0, 0, 0, 0)] + [(1, 10, 1, 90)] * 4)
-    store(tmp_path, "PUCT-COPOD", counts=[(0, 0, 0, 0)] + [(1, alarms, 1, 100 - alarms)] * 4)
+@pytest.mark.parametrize(
+    ("tp", "fp", "verdict"),
+    [
+        (8, 2, "supported"),
+        (6, 6, "contradicted"),  # more alarms, the same share of them false
+        (3, 3, "contradicted"),  # fewer, but still the same share
+        (53, 47, "contradicted"),  # 0.03 better is negligible
+    ],
+)
+def test_c8_false_alarms_are_judged_by_precision(tmp_path, tp, fp, verdict):
+    store(tmp_path, "UCT-COPOD", counts=[(0, 0, 0, 0)] + [(5, 5, 1, 90)] * 4)
+    store(tmp_path, "PUCT-COPOD", counts=[(0, 0, 0, 0)] + [(tp, fp, 1, 90)] * 4)
     claim = judged(tmp_path, "C8")
     assert claim.verdict == verdict
-    assert [item.effect.mean for item in claim.comparisons] == pytest.approx(
-        [4 * (alarms - 10), (alarms - 10) / 100]
-    )
+    assert claim.comparisons[0].effect.mean == pytest.approx(tp / (tp + fp) - 0.5)
+    assert claim.comparisons[0].stated.low == 0.05
 
 
 @pytest.mark.parametrize(("alarm_at", "verdict"), [(45.0, "supported"), (5.0, "contradicted")])
@@ -251,7 +259,7 @@ def test_c12_going_back_to_flagged_places(tmp_path, there, verdict):
 def test_missing_runs_are_named_with_their_command(tmp_path):
     store(tmp_path, "UCT-COPOD")
     claim = judged(tmp_path, "C5")
-    assert (claim.verdict, claim.more_seeds) == ("missing", None)
+    assert claim.verdict == "missing"
     assert claim.commands == (
         "infoplan run planner=uct detector=none rho=0.1 'grid=[26,26]' seeds=6 "
         f"results_dir={tmp_path}",
@@ -274,7 +282,6 @@ def test_a_single_seed_leaves_all_undecided(tmp_path):
         made_tables.store(tmp_path, method.lower(), rmse=[500, 500, end])
     claim = judged(tmp_path, "C2")
     assert claim.verdict == "undecided"
-    assert math.isnan(claim.more_seeds)
     assert claim.comparisons[0].effect.mean == pytest.approx(-500.0)
 
 
@@ -286,3 +293,46 @@ def test_pairs_use_the_seeds_that_both_have(tmp_path):
     (best_none, *_) = judged(tmp_path, "C2").comparisons
     assert best_none.effect.n == 2
     assert best_none.effect.mean == pytest.approx(-601.5)
+
+
+def test_an_effect_below_the_margin_is_none(tmp_path):
+    ends = {"uct_none": 304, "uct_best": 300, "uct_copod": 304, "puct_copod": 304}
+    finals(tmp_path, 0.1, wiggle=0.1, **ends)
+    lowest = judged(tmp_path, "C2")
+    assert [item.stated.high for item in lowest.comparisons] == pytest.approx([-5.0] * 3)
+    assert [item.effect.mean for item in lowest.comparisons] == pytest.approx([-4.0] * 3, abs=0.1)
+    assert lowest.verdict == "contradicted"
+
+
+def test_all_claims_are_judged_together(tmp_path):
+    for rho in (0.05, 0.1, 0.15):
+        finals(tmp_path, rho, **ORDERED)
+    alone, together = judged(tmp_path, "C2"), judge_claims(find_study(tmp_path))
+    assert [claim.name for claim in together] == list(TEXTS) == list(COMPARISONS)
+    assert alone.p_holm == alone.p
+    assert together[1].p == alone.p
+    assert together[1].p_holm >= alone.p
+
+
+def test_the_share_of_collapsed_missions_stands_beside_what_is_compared(tmp_path, monkeypatch):
+    finals(tmp_path, 0.1, **ORDERED)
+
+    def collapsed(folder, run, seed, last):
+        return run.startswith("uct-none") and seed < 2
+
+    monkeypatch.setattr("infoplan.analyse.curves.ended_collapsed", collapsed)
+    claim = judged(tmp_path, "C2")
+    assert claim.collapsed["UCT-NONE"] == (2, SEEDS)
+    assert claim.collapsed["UCT-BEST"] == (0, SEEDS)
+
+
+def test_every_seed_is_written_as_csv(tmp_path, capsys):
+    finals(tmp_path, 0.1, **ORDERED)
+    assert main(["claims", "--csv", f"results_dir={tmp_path}"]) == 0
+    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()]
+    assert rows[0] == ["claim", "compared", "unit", "seed", "effect"]
+    of_c2 = [row for row in rows if row[0] == "C2" and row[1].startswith("UCT-BEST - UCT-COPOD")]
+    assert [row[3] for row in of_c2] == [str(seed) for seed in range(SEEDS)]
+    assert [float(row[4]) for row in of_c2] == pytest.approx([-300.0] * SEEDS)
+    assert main(["claims", "--csv", "--json", f"results_dir={tmp_path}"]) == 2
+    assert "--json, --markdown or --csv: choose one" in capsys.readouterr().err

@@ -10,8 +10,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from made_tables import store
+from scipy import stats
 from scipy.integrate import trapezoid
-from scipy.stats import bootstrap
 
 from infoplan.analyse.leaderboard import rank
 from infoplan.cli import main
@@ -103,20 +103,58 @@ def test_on_one_map_the_interval_is_scipys_over_seeds(tmp_path):
     means = {m: [np.mean([area(m, "helens", r, s) for r in RHOS]) for s in seeds] for m in METHODS}
     best, worst = np.array(means["puct-copod"]), np.array(means["uct-none"])
     for found, values in ((first.score, best), (last.behind, worst - best)):
-        expected = bootstrap([values], np.mean, method="percentile", n_resamples=20_000, rng=1)
-        width = np.ptp(expected.confidence_interval)
-        assert found.low == pytest.approx(expected.confidence_interval.low, abs=0.05 * width)
-        assert found.high == pytest.approx(expected.confidence_interval.high, abs=0.05 * width)
+        expected = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+        assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
     assert last.behind.low > 0
 
 
-def test_intervals_over_maps_are_wider_than_over_seeds_of_the_same_maps(results):
-    # Maps differ by 0.2 in level, seeds by much less: only resampled maps can show that.
-    score = rank(results).standings[0].score
-    assert score.high - score.low > 0.2
-    # The best is better on every map: its lead does not hang on which maps are drawn.
-    behind = rank(results).standings[1].behind
-    assert 0 < behind.low < behind.high < 0.2
+def test_intervals_are_for_these_maps_by_welch_and_satterthwaite(results, capfd):
+    board = rank(results)
+    means = {
+        m: np.array([[np.mean([area(m, t, r, s) for r in RHOS]) for s in SEEDS] for t in MAPS])
+        for m in METHODS
+    }
+    best, second = means["puct-copod"], means["uct-copod"]
+    cases = ((board.standings[0].score, best), (board.standings[1].behind, second - best))
+    for found, values in cases:
+        parts = values.var(axis=1, ddof=1) / 4
+        freedom = parts.sum() ** 2 / np.sum(parts**2 / 3)
+        half = stats.t.ppf(0.975, freedom) * np.sqrt(parts.sum()) / 3
+        assert (found.low, found.high) == pytest.approx(
+            (values.mean() - half, values.mean() + half)
+        )
+    # Maps differ by 0.2 in level: that is no uncertainty of a mean over these maps.
+    assert board.standings[0].score.high - board.standings[0].score.low < 0.2
+    assert main(["leaderboard", "--markdown", f"results_dir={results}"]) == 0
+    assert "over the seeds of these maps, and for these maps alone" in capfd.readouterr().out
+
+
+def test_the_probability_that_the_first_is_better_is_paired_by_map_and_seed(results):
+    board = rank(results)
+    first, second = (
+        np.array([[np.mean([area(m, t, r, s) for r in RHOS]) for s in SEEDS] for t in MAPS])
+        for m in ("puct-copod", "uct-copod")
+    )
+    wins = int(np.sum(first < second))
+    found = board.standings[1].beaten
+    expected = stats.binomtest(wins, 12).proportion_ci(0.95, method="exact")
+    assert (found.mean, found.low, found.high) == pytest.approx(
+        (wins / 12, expected.low, expected.high)
+    )
+    assert board.standings[0].beaten.mean == 0.5
+
+
+def test_the_share_of_collapsed_missions_stands_beside_the_means(tmp_path, monkeypatch, capfd):
+    fill(tmp_path, terrains=["helens", "volcano"], seeds=[0, 1])
+
+    def collapsed(folder, run, seed, last):
+        return run.startswith("uct-none") and seed == 0 and "helens" in run
+
+    monkeypatch.setattr("infoplan.analyse.mission_scores.ended_collapsed", collapsed)
+    shares = {one.method: one.collapsed for one in rank(tmp_path).standings}
+    assert shares == {"PUCT-COPOD": 0, "UCT-COPOD": 0, "UCT-NONE": 1 / 4}
+    assert main(["leaderboard", "--markdown", f"results_dir={tmp_path}"]) == 0
+    assert "| 25 % | 4.0 |" in capfd.readouterr().out
 
 
 def test_a_method_that_lacks_a_map_is_not_ranked_and_named(tmp_path):
@@ -181,7 +219,8 @@ def test_a_fault_is_a_condition_and_not_averaged_into_another(tmp_path, monkeypa
     board = rank(tmp_path)
     assert [standing.method for standing in board.standings] == ["UCT-COPOD", "UCT-NONE"]
     assert board.faults == ("spike", "stuck fault.length=5")
-    assert board.standings[0].by_fault == pytest.approx({"spike": 0.6, "stuck fault.length=5": 1.8})
+    means = board.by_fault.grid("mean").loc["UCT-COPOD"].to_dict()
+    assert means == pytest.approx({"spike": 0.6, "stuck fault.length=5": 1.8})
     assert board.standings[1].score.mean == pytest.approx(1.6)
     assert board.missions == 8
     assert main(["leaderboard", "--markdown", "fault=spike", f"results_dir={tmp_path}"]) == 0

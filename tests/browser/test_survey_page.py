@@ -13,7 +13,7 @@ from infoplan.analyse.verdicts import Verdict
 from infoplan.cli import main
 from infoplan.config import SurveyedConfig
 from infoplan.draw.page import fill_page, write_page
-from infoplan.draw.survey_page_data import page_data
+from infoplan.draw.survey_page_data import page_data, sources_of
 from infoplan.survey import SurveyLog
 
 pytest.importorskip("pyproj")
@@ -415,7 +415,7 @@ def many(folder: Path, n: int = 50_000) -> Path:
     score = np.where(flagged, 4.0, 1.0) + t / n
     verdicts = {f"number{k}": Verdict(flagged, score, value, 3.0) for k in range(5)}
     place = SurveyedConfig(extent=[0.0, 500.0, 0.0, 500.0], origin=[0.0, 0.0])
-    data = page_data(samples, t, maps, verdicts, log, place) | {"belongs": ""}
+    data = page_data(samples, sources_of(log), maps, verdicts, log, place) | {"belongs": ""}
     parts = dict.fromkeys(("title", "subtitle", "detectors", "numbers"), "many")
     write_page(folder / "page.html", fill_page("survey_page", data, parts))
     return folder / "page.html"

@@ -20,7 +20,7 @@ from infoplan.analyse import find_missions, find_study
 from infoplan.cli import main
 from infoplan.draw.animate import animate
 from infoplan.draw.fig5 import plotted_numbers
-from infoplan.draw.figures import NAMES, draw_figures
+from infoplan.draw.figures import OF_STUDY, draw_figures
 from infoplan.draw.recording import read_recording, run_to_show
 from infoplan.draw.report import render
 from infoplan.method_identity import OTHERS, PAPERS, labels, looks, method_of
@@ -114,7 +114,7 @@ def test_fig5_draws_everything_and_the_others_name_what_they_lack(everything, tm
     study = find_study(everything)
     assert study.notes == ()
     drawn = {one.name: one for one in draw_figures(study)}
-    assert set(drawn) == set(NAMES)
+    assert set(drawn) == set(OF_STUDY)
     shown = pd.read_csv(drawn["fig5"].files[2])
     assert set(shown[shown["panel"] == "b"]["method"]) == expected()
     assert drawn["fig7"].files, "the paper's four are among them"

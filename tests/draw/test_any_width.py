@@ -116,7 +116,7 @@ def test_in_a_terminal(folder, command):
     plain = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", shown).replace("\r", "")
     assert not too_long(plain, 60)
     words = {"run": "planner.exploration", "dry-run": "stored", "status": "done",
-             "claims": "CONTRADICTED", "leaderboard": "behind the first", "show": "final RMSE",
+             "claims": "UNDECIDED", "leaderboard": "behind the first", "show": "final RMSE",
              "replay": "replayed less flown", "audit": "all hold"}  # fmt: skip
     assert words[command] in plain
     if command == "status":

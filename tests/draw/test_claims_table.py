@@ -5,11 +5,14 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
+from scipy import stats
 
-from infoplan.analyse import Claim, Comparison, Interval, Selection, Stated
+from infoplan.analyse import Claim, Comparison, Selection, Stated
+from infoplan.analyse.judging import with_holm
 from infoplan.draw.claims_table import as_json, markdown, print_claims, stated
 
 NAN = math.nan
@@ -20,22 +23,28 @@ def selection(seeds: int = 10) -> Selection:
     return Selection(Path("results"), missions, {"a": {}}, "helens", "ft", 2000, ("a note",))
 
 
-def compared(mean, low, high, side=Stated(high=0.0), n=10, unit="ft", lacks=""):  # noqa: B008
-    return Comparison("a - b: final RMSE", unit, side, Interval(mean, low, high, n), mean, lacks)
+def compared(mean, half, side=Stated(high=0.0), n=10, unit="ft", lacks=""):  # noqa: B008
+    """Compare seeds with that mean and half width of the 95 % t interval."""
+    shape = np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(n)
+    width = stats.t.ppf(0.975, n - 1) * shape.std(ddof=1) / math.sqrt(n) if n > 1 else 1.0
+    values = dict(enumerate((mean + shape * half / width).tolist()))
+    return Comparison("a - b: final RMSE", unit, side, values, lacks=lacks)
 
 
-CLAIMS = [
-    Claim("C1", "it is lower", (compared(-40.0, -61.5, -20.0),), where="rho 0.1, batch"),
-    Claim("C2", "it is rarer", (compared(-0.01, -0.05, 0.03, unit=""),)),
-    Claim("C3", "it holds still", (compared(0.0, -9.0, 9.0),)),
+CLAIMS = with_holm([
+    Claim("C1", "it is lower", (compared(-40.0, 20.5),), where="rho 0.1, batch",
+          collapsed={"a": (3, 10), "b": (0, 10)}),
+    Claim("C2", "it is rarer", (compared(-0.01, 0.04, Stated(high=-0.05), unit=""),)),
+    Claim("C3", "it holds still", (compared(-9.0, 9.01),)),
     Claim(
         "C4",
         "it is there",
-        (compared(NAN, NAN, NAN, n=0, lacks="a run is missing"),),
+        (compared(NAN, NAN, n=0, lacks="a run is missing"),),
         ("infoplan run rho=0.1",),
     ),
-    Claim("C5", "it is alone", (compared(-7.0, NAN, NAN, n=1),)),
-]
+    Claim("C5", "it is alone", (compared(-7.0, 0.0, n=1),)),
+    Claim("C6", "it is near", (compared(-7.0, 6.5),)),
+])  # fmt: skip
 
 
 @pytest.fixture
@@ -49,19 +58,23 @@ def test_table_tells_effect_seeds_and_verdict(printed):
     lines = printed.splitlines()
     assert lines[0].startswith("helens, budget 2000, 10 seeds")
     (row,) = [line for line in lines if "-40.0" in line]
-    assert "-40.0 [-61.5, -20.0] ft" in row
-    assert row.split()[-4:] == ["<", "0", "10", "supported"]
-    assert [line.split()[-1] for line in lines if line.strip().startswith("C")][:3] == [
+    assert "-40.0 [-60.5, -19.5] ft" in row
+    assert row.split()[-6:] == ["0.002", "<", "0", "ft", "10", "supported"]
+    assert [line.split()[-1] for line in lines if line.startswith(" C")][-6:] == [
         "SUPPORTED",
         "UNDECIDED",
         "UNDECIDED",
+        "MISSING",
+        "UNDECIDED",
+        "SUPPORTED",
     ]
 
 
-def test_table_tells_what_would_help(printed):
-    assert "about 150 more seeds would decide it" in printed
-    assert "no number of seeds would help" in printed
-    assert "a single seed has no interval: run more" in printed
+def test_table_tells_what_to_know(printed):
+    assert "1 seed, at least six are needed" in printed
+    assert "end collapsed: a 3 of 10, b 0 of 10" in printed
+    assert "after Holm's correction over 6 claims remain: C1; not: C6" in printed
+    assert "more seed" not in printed
     assert "C4: missing, to be had with infoplan run rho=0.1" in printed
     assert "a note" in printed
     assert "fewer than" not in printed
@@ -70,7 +83,7 @@ def test_table_tells_what_would_help(printed):
 def test_few_seeds_are_warned_of():
     stream = io.StringIO()
     print_claims(CLAIMS[:1], selection(3), Console(file=stream, width=120))
-    assert "with fewer than 5 seeds the intervals are too narrow" in stream.getvalue()
+    assert "with fewer than six seeds nothing is decided" in stream.getvalue()
 
 
 def test_markdown_has_a_row_a_claim():
@@ -79,18 +92,22 @@ def test_markdown_has_a_row_a_claim():
     assert all(row.count("|") == 6 for row in rows)
     assert rows[0] == (
         "| C1 | it is lower | rho 0.1, batch | "
-        "a - b: final RMSE: -40.0 [-61.5, -20.0] ft, n = 10, supported | **supported** |"
+        "a - b: final RMSE: -40.0 [-60.5, -19.5] ft, n = 10, p = 0.002, supported | "
+        "**supported** (end collapsed: a 3 of 10, b 0 of 10) |"
     )
-    assert "**undecided** (about 150 more seeds would decide it)" in rows[1]
+    assert "**undecided** (1 seed, at least six are needed)" in rows[4]
 
 
 def test_json_is_strict_and_whole():
     document = json.loads(as_json(CLAIMS, selection()), parse_constant=pytest.fail)
     assert (document["terrain"], document["budget"]) == ("helens", 2000)
-    first, second, third, fourth, fifth = document["claims"]
+    first, second, third, fourth, fifth, sixth = document["claims"]
     assert first["comparisons"][0]["stated"] == {"low": None, "high": 0.0}
-    assert (first["verdict"], first["comparisons"][0]["low"]) == ("supported", -61.5)
-    assert (second["more_seeds"], third["more_seeds"], fifth["more_seeds"]) == (150, None, None)
+    assert (first["verdict"], first["comparisons"][0]["low"]) == ("supported", pytest.approx(-60.5))
+    assert [one["survives_holm"] for one in (first, second, sixth)] == [True, False, False]
+    assert third["p_holm"] <= 1
+    assert fifth["comparisons"][0]["seeds"] == {"0": -7.0}
+    assert first["collapsed"]["a"] == {"collapsed": 3, "missions": 10}
     assert fourth["commands"] == ["infoplan run rho=0.1"]
     assert fourth["comparisons"][0]["effect"] is None
 
@@ -98,8 +115,8 @@ def test_json_is_strict_and_whole():
 @pytest.mark.parametrize(
     ("side", "text"),
     [
-        (Stated(high=0.0), "< 0"),
-        (Stated(low=0.0), "> 0"),
+        (Stated(high=0.0), "< 0 ft"),
+        (Stated(low=0.0), "> 0 ft"),
         (Stated(low=-60.0), "> -60.0 ft"),
         (Stated(-60.0, 60.0), "within ±60.0 ft"),
     ],

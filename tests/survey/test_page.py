@@ -137,11 +137,10 @@ def test_expected_values_are_those_of_scikit_learn(done, name):
         assert expected[i] == pytest.approx(centre + scale * model.predict(x[[i]])[0], rel=1e-4)
 
 
-def test_a_model_of_linear_cost_expects_the_same(tmp_path, monkeypatch):
+def test_a_model_of_linear_cost_expects_the_same(tmp_path):
     log = write_log(tmp_path / "bay.csv")
     options = ["grid=[9,8]", "model.pilot_iterations=0", "model.iterations=0"]
     found = {}
-    monkeypatch.setattr(verdicts, "CHUNK", 11)
     for model, own in (("gp", []), ("vecchia", ["model.neighbours=100"])):
         page = survey(tmp_path / model, log, *options, f"model={model}", *own) / "page.html"
         found[model] = data_of(page)["detectors"]
@@ -196,14 +195,32 @@ def test_nothing_of_a_log_breaks_out(tmp_path):
 def test_what_takes_long_is_left_out_and_said(tmp_path, monkeypatch):
     monkeypatch.setattr(verdicts, "MOST_PAIRED", 70)
     monkeypatch.setattr(verdicts, "MOST_LEFT_OUT", 70)
-    page = survey(tmp_path, write_log(tmp_path / "bay.csv"), *QUICK) / "page.html"
+    log = write_log(tmp_path / "bay.csv")
+    page = survey(tmp_path, log, *QUICK, "detector=local") / "page.html"
     detectors = {one["name"]: one for one in data_of(page)["detectors"]}
-    assert "gp_residual" in detectors, "the survey's own is there already"
-    assert "local" not in detectors
+    assert set(detectors) == {"local", "copod", "hampel", "qartod"}
     text = page.read_text()
-    assert "Left out, as it looks at all pairs of samples" in text
-    assert "have too many: local" in text
-    own = detectors["gp_residual"]
-    flagged = unpacked(own["flagged"], "u1").astype(bool)
-    assert np.isfinite(unpacked(own["expected"], "<f4")).tolist() == flagged.tolist()
+    assert "Gp_residual is left out: with model=gp it looks at all pairs of samples" in text
     assert "expected values of more than 70 samples take long" in text
+    flagged = unpacked(detectors["local"]["flagged"], "u1").astype(bool)
+    expected = unpacked(detectors["local"]["expected"], "<f4")
+    assert np.isfinite(expected).tolist() == flagged.tolist()
+
+
+def test_of_several_logs_each_sample_tells_its_own(tmp_path):
+    first = write_log(tmp_path / "bay.csv")
+    second = tmp_path / "bight.csv"
+    lines = write_log(second).read_text().replace("2024-05-01", "2024-05-02").splitlines()
+    del lines[1:11]
+    second.write_text("\n".join(lines) + "\n")
+    assert main(["survey", str(first), str(second), f"results_dir={tmp_path / 'r'}", *QUICK]) == 0
+    (page,) = (tmp_path / "r" / "surveys").glob("*/page.html")
+    data = data_of(page)
+    assert data["logs"] == ["bay", "bight"]
+    log, row = (unpacked(data["samples"][name], "<i4") for name in ("log", "row"))
+    value = unpacked(data["samples"]["value"], "<f8")
+    tables = [pd.read_csv(path) for path in (first, second)]
+    assert np.bincount(log).tolist() == [80, 70]
+    for i in (0, 17, 79, 80, 149):
+        own = tables[log[i]].iloc[row[i] - 1]
+        assert (own["Depth (ft)"], own["time"]) == (value[i], data["samples"]["time"][i])

@@ -12,13 +12,27 @@ from typing import Any, TypeVar
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
+from scipy.sparse import csr_array
 
 from infoplan.errors import RunError
 from infoplan.model.covariance import Sums, passes_of
 from infoplan.model.inference.conditionals import conditionals_of
-from infoplan.model.inference.neighbours import Blocks, build, cut, extended, find_neighbours
+from infoplan.model.inference.neighbours import (
+    Blocks,
+    build,
+    cut,
+    extended,
+    find_neighbours,
+    pattern,
+)
 from infoplan.model.kernel import Kernel
-from infoplan.model.theta import gradient_of, names_of, not_factorised, parameters_of
+from infoplan.model.theta import (
+    Parameters,
+    gradient_of,
+    names_of,
+    not_factorised,
+    parameters_of,
+)
 
 Found = TypeVar("Found")
 
@@ -181,14 +195,15 @@ class VecchiaInference:
             In scaled units. The variance is at least alpha^2 times the machine epsilon of the
             dtype, which is the rounding of the difference that gives it.
         """
-        variance, constants, _ = parameters_of(self._kernel, theta)
+        parameters = parameters_of(self._kernel, theta)
+        variance, constants, _ = parameters
         means, variances = np.zeros(x.shape[1]), np.full(x.shape[1], variance)
         for places, near in self._grouped(x) if self.n_data and x.size else []:
             inside, around = np.ascontiguousarray(x[:, places]), self._x[:, near]
             rows = np.empty((len(places) + 1, len(near)), dtype=self._scratch.dtype)
             self._passes.fill_cross(inside, around, constants, variance, rows[:-1])
             rows[-1] = self._y[near]
-            factor = self._factor(theta, around)
+            factor = self._factor(theta, parameters, around)
             solved, _ = self._trtrs(factor, rows.T, lower=1, overwrite_b=1)
             means[places] = solved[:, :-1].T @ solved[:, -1]
             variances[places] -= np.einsum("ij,ij->j", solved[:, :-1], solved[:, :-1])
@@ -198,6 +213,13 @@ class VecchiaInference:
     def weights_and_inverse(
         self, theta: np.ndarray, chosen: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Do as `weights_and_sparse_inverse`, with all zeros of the inverse."""
+        weights, inverse = self.weights_and_sparse_inverse(theta, chosen)
+        return weights, inverse.toarray()
+
+    def weights_and_sparse_inverse(
+        self, theta: np.ndarray, chosen: np.ndarray
+    ) -> tuple[np.ndarray, csr_array]:
         """Weights of some data, and their part of the inverse covariance of all.
 
         Both are those of the joint distribution whose density the likelihood is.
@@ -213,16 +235,20 @@ class VecchiaInference:
         -------
         weights : ndarray of shape (c,)
             Of K_y^-1 y.
-        inverse : ndarray of shape (c, c)
-            Of K_y^-1.
+        inverse : sparse array of shape (c, c)
+            Of K_y^-1, by rows, with sorted columns.
         """
         position = np.full(self.n_data, -1)
         position[chosen] = np.arange(len(chosen))
+        first, columns = pattern(self.blocks, position, len(chosen))
 
-        def attempt() -> tuple[np.ndarray, np.ndarray] | None:
-            weights, inverse = np.zeros(len(chosen)), np.zeros((len(chosen), len(chosen)))
-            done = self._conditionals.information(*self._data(theta), position, weights, inverse)
-            return (weights, inverse) if done else None
+        def attempt() -> tuple[np.ndarray, csr_array] | None:
+            weights, values = np.zeros(len(chosen)), np.zeros(len(columns))
+            done = self._conditionals.information(
+                *self._data(theta), position, weights, first, columns, values
+            )
+            shape = (len(chosen), len(chosen))
+            return (weights, csr_array((values, columns, first), shape)) if done else None
 
         return self._until_positive(theta, attempt)
 
@@ -246,24 +272,24 @@ class VecchiaInference:
             blocks.members, blocks.starts, blocks.neighbours, self._scratch,
         )  # fmt: skip
 
-    def _factor(self, theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def _factor(self, theta: np.ndarray, parameters: Parameters, x: np.ndarray) -> np.ndarray:
         """Lower Cholesky factor of the covariance of some data."""
-        variance, constants, noise = parameters_of(self._kernel, theta)
+        variance, constants, noise = parameters
 
         def attempt() -> np.ndarray | None:
             covariance = np.empty((x.shape[1], x.shape[1]), dtype=self._scratch.dtype)
-            self._passes.fill_cross(x, x, constants, variance, covariance)
-            covariance[np.diag_indices_from(covariance)] = variance + noise + self.jitter
-            factor, info = self._potrf(covariance.T, lower=1, overwrite_a=1)
+            on_diagonal = variance + noise + self.jitter
+            self._passes.fill_upper(x, constants, variance, on_diagonal, covariance)
+            factor, info = self._potrf(covariance.T, lower=1, clean=0, overwrite_a=1)
             return factor if info == 0 and np.isfinite(factor.diagonal()).all() else None
 
         return self._until_positive(theta, attempt)
 
     def _until_positive(self, theta: np.ndarray, attempt: Callable[[], Found | None]) -> Found:
         """Repeat what fails with ten times the jitter, until it succeeds."""
-        variance, _, noise = parameters_of(self._kernel, theta)
-        largest = float(np.finfo(self._scratch.dtype).max)
         while (found := attempt()) is None:
+            variance, _, noise = parameters_of(self._kernel, theta)
+            largest = float(np.finfo(self._scratch.dtype).max)
             if not self.jitter <= variance + noise < largest:
                 raise RunError(
                     not_factorised("Vecchia process", self._kernel, theta, self._scratch.dtype)
