@@ -18,11 +18,12 @@ from infoplan.cli import main
 from infoplan.draw import style
 from infoplan.draw.report_data import Panel, alarm_map
 from infoplan.errors import RunError, UsageError
-from infoplan.obstacles import NOWHERE, crosses, obstacles_of, rectangles
+from infoplan.obstacles import NOWHERE, obstacles_of, rectangles
 from infoplan.plan import PLANNERS, Situation
 from infoplan.robot import steering_angles
 from infoplan.study.identity import config_from_science, identify
 from infoplan.terrain import load_terrain
+from infoplan.walls import crosses
 
 EXTENT = (0.0, 50.0, 0.0, 50.0)
 ZONES = [

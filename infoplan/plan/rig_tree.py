@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.compiled import kernel
-from infoplan.obstacles import Walls
 from infoplan.plan.reward_maps import nearest_index
 from infoplan.plan.waypoints import drive_free
+from infoplan.walls import Walls
 
 if TYPE_CHECKING:
     from infoplan.plan.situation import Situation

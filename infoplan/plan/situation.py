@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from infoplan.obstacles import NOWHERE, Obstacles, is_free
+from infoplan.obstacles import NOWHERE, Obstacles
 from infoplan.plan.reward_maps import nearest_index
 from infoplan.robot import drive
+from infoplan.walls import is_free
 
 Floats = NDArray[np.float64]
 

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from infoplan.compiled import kernel
-from infoplan.obstacles import NOWHERE, Obstacles, Walls, crosses
+from infoplan.obstacles import NOWHERE, Obstacles
 from infoplan.plan.pareto import mark_pareto_optimal
 from infoplan.plan.reward_maps import nearest_index
 from infoplan.robot import inside, step
+from infoplan.walls import Walls, crosses
 
 ROOT = 0
 NO_NODE = -1

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infoplan.compiled import kernel
-from infoplan.obstacles import Walls, crosses
 from infoplan.plan.reward_maps import nearest_index
 from infoplan.robot import inside, step
+from infoplan.walls import Walls, crosses
 
 if TYPE_CHECKING:
     from infoplan.plan.situation import Situation

@@ -22,7 +22,6 @@ from infoplan.methods import complete, method_from_stored, stored_methods
 from infoplan.obstacles import obstacles_of
 from infoplan.options import check_options, walk
 from infoplan.own import fits, in_words, load, resolve_options
-from infoplan.simulator import pilot_path
 from infoplan.study.terms import as_meant, as_stored
 from infoplan.tables import MAX_ROWS
 from infoplan.terrain import Terrain
@@ -101,6 +100,8 @@ def resolve(config: MissionConfig, terrain: Terrain) -> MissionConfig:
     resolved = complete(MissionConfig(**science))
     resolved.terrain = _resolve_terrain(config.terrain, terrain)
     if terrain.obstacles.polygons:
+        from infoplan.simulator import pilot_path  # imports SciPy and Numba
+
         pilot_path(config, terrain)  # refuses one that meets an obstacle
     if config.detector.name in ("none", "best"):
         resolved.detector = replace(config.detector, scope="batch")
