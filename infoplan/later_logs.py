@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from infoplan.collapse import spacing_along
 from infoplan.samples import Samples
@@ -93,6 +92,8 @@ def verdicts(
     list
         One entry a sample; None where it was not flagged, or not measured, or is of the last log.
     """
+    from scipy.spatial import cKDTree  # what reads a log only needs no SciPy
+
     told = ~np.isnan(samples.measured)
     pilot = samples.x[(samples.epoch == 0) & told]
     spacing = spacing_along(pilot)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import betaincinv, stdtr, stdtrit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,7 +122,9 @@ def mean_band(curves: ArrayLike) -> Floats:
         mean = values.mean(axis=0)
         if n < 2:
             return np.stack([mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)])
-        half = stdtrit(n - 1, 1 - TAIL) * values.std(axis=0, ddof=1) / np.sqrt(n)
+        from scipy import special
+
+        half = special.stdtrit(n - 1, 1 - TAIL) * values.std(axis=0, ddof=1) / np.sqrt(n)
         return np.stack([mean, mean - half, mean + half])
 
 
@@ -187,7 +188,9 @@ def stratified_mean(strata: Iterable[ArrayLike], level: float = 0.95) -> Interva
         if total == 0:
             return Interval(mean, mean, mean, n)
         freedom = total**2 / np.sum(variances**2 / [len(sample) - 1 for sample in samples])
-        half = float(stdtrit(freedom, (1 + level) / 2) * np.sqrt(total)) / len(samples)
+        from scipy import special
+
+        half = float(special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(total)) / len(samples)
     return Interval(mean, mean - half, mean + half, n)
 
 
@@ -217,8 +220,10 @@ def probability_below_zero(strata: Iterable[ArrayLike]) -> Interval:
     mean = float(np.mean(below))
     worth = len(samples) ** 2 / sum(1 / len(sample) for sample in samples)
     hits = mean * worth
-    low = float(betaincinv(hits, worth - hits + 1, TAIL)) if hits > 0 else 0.0
-    high = float(betaincinv(hits + 1, worth - hits, 1 - TAIL)) if hits < worth else 1.0
+    from scipy import special
+
+    low = float(special.betaincinv(hits, worth - hits + 1, TAIL)) if hits > 0 else 0.0
+    high = float(special.betaincinv(hits + 1, worth - hits, 1 - TAIL)) if hits < worth else 1.0
     return Interval(mean, low, high, n)
 
 
@@ -247,8 +252,10 @@ def t_test(values: ArrayLike, alternative: Alternative = "two-sided") -> float:
     if error <= rounding and abs(mean) <= rounding:
         return 1.0
     ratio = mean / error if error > rounding else np.copysign(np.inf, mean)
-    below = float(stdtr(n - 1, ratio))
-    above = float(stdtr(n - 1, -ratio))
+    from scipy import special
+
+    below = float(special.stdtr(n - 1, ratio))
+    above = float(special.stdtr(n - 1, -ratio))
     return {"less": below, "greater": above, "two-sided": min(1.0, 2 * min(below, above))}[
         alternative
     ]
