@@ -84,7 +84,7 @@ PAIRS = [
 ]
 
 
-@pytest.mark.parametrize("scope", ["batch", "historical"])
+@pytest.mark.parametrize("scope", ["batch", pytest.param("historical", marks=pytest.mark.long)])
 @pytest.mark.parametrize(("detector", "model"), PAIRS)
 def test_every_detector_goes_with_every_model(
     detector, model, scope, in_examples, small, volcano, tmp_path

@@ -91,8 +91,8 @@ def test_the_student_t_process_is_recomputed(small, volcano, tmp_path, table, co
 
 @pytest.mark.parametrize(
     ("model", "kernel"),
-    [*(("gp", kernel) for kernel in KERNELS[1:]), ("student_t", KERNELS[-1]),
-     ("vecchia", KERNELS[-1])],
+    [*(pytest.param("gp", kernel, marks=pytest.mark.long) for kernel in KERNELS[1:-1]),
+     ("gp", KERNELS[-1]), ("student_t", KERNELS[-1]), ("vecchia", KERNELS[-1])],
 )  # fmt: skip
 def test_every_kernel_is_recomputed(small, volcano, tmp_path, model, kernel):
     name = store(small, volcano, tmp_path, model=(model, {"kernel": kernel}))
@@ -147,7 +147,7 @@ NEAR = {"neighbours": 6, "block": 4, "prediction_neighbours": 30}
 
 
 @pytest.mark.parametrize("ordering", ["collected", "maxmin", "random"])
-@pytest.mark.parametrize("scope", ["batch", "historical"])
+@pytest.mark.parametrize("scope", ["batch", pytest.param("historical", marks=pytest.mark.long)])
 def test_the_process_of_nearest_neighbours_is_recomputed(small, volcano, tmp_path, ordering, scope):
     name = store(
         small, volcano, tmp_path, model=("vecchia", {**NEAR, "ordering": ordering}),

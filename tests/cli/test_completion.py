@@ -142,7 +142,10 @@ def whole(line: str, reply: str, breaks: str) -> str:
     return word[:start] + reply.removesuffix(" ")
 
 
-@pytest.mark.parametrize("shell", SHELLS)
+@pytest.mark.parametrize(
+    "shell",
+    [shell if shell == "bash" else pytest.param(shell, marks=pytest.mark.long) for shell in SHELLS],
+)
 def test_a_shell_completes_lines(shell, folder):
     # A bracket that is not quoted is a pattern in zsh.
     asked = {line: line.replace("[", "'[") if shell == "zsh" else line for line in LINES}

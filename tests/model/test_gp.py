@@ -390,6 +390,7 @@ def mission_like(gp_options, epochs, pilot_iterations, iterations):
     return np.array(values)
 
 
+@pytest.mark.long
 def test_lbfgs_reaches_adam_with_a_fifth_of_the_evaluations():
     adam = mission_like({"optimizer": "adam"}, 8, 500, 50)
     lbfgs = mission_like({"optimizer": "lbfgs"}, 8, 100, 10)
