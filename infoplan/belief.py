@@ -17,6 +17,7 @@ from infoplan.answers import (
     checked_verdict,
     number_of,
 )
+from infoplan.collapse import spacing_of
 from infoplan.config import GuardedConfig, MissionConfig
 from infoplan.detect import Evidence
 from infoplan.errors import RunError
@@ -108,8 +109,9 @@ class Belief:
         self._planner = find("planner", config.planner)
         self._detector = find("detector", config.detector)
         new_model = find("model", config.model)
+        told = _told(pilot)
         if isinstance(config.model, GuardedConfig):
-            new_model = partial(new_model, spacing=config.robot.speed)
+            new_model = partial(new_model, spacing=spacing_of(config, pilot.x[told]))
         self._steering = steering_angles(config.robot.max_steering, config.robot.steering_angles)
         rows, columns = config.grid
         self._shape = (rows, columns)
@@ -117,7 +119,6 @@ class Belief:
         self.seconds = {"plan": 0.0, "fit": 0.0, "predict": 0.0, "detect": 0.0}
         self.epoch = 0
         self.readings = _checked_size(pilot)
-        told = _told(pilot)
         if told.sum() < min(LEAST, len(pilot)):
             raise RunError(
                 f"only {told.sum()} of the {len(pilot)} pilot samples have a measurement, and the "

@@ -8,8 +8,41 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.config import MissionConfig, is_survey
+
 ROUNDING = 1e-9
 """Share of the distance by which a lengthscale at that very floor may lie below it."""
+
+
+def spacing_of(config: MissionConfig, pilot: NDArray[np.float64]) -> float:
+    """Give the distance of two successive samples of a mission, workspace units.
+
+    Parameters
+    ----------
+    config
+        Its options: the robot's speed is that distance, but for a survey.
+    pilot
+        Positions of the pilot's measurements, shape (n, 2); of a survey those tell it.
+    """
+    return spacing_along(pilot) if is_survey(config.terrain.name) else config.robot.speed
+
+
+def spacing_along(x: NDArray[np.float64]) -> float:
+    """Give the usual distance of two successive samples of a track that somebody else drove.
+
+    Parameters
+    ----------
+    x
+        Their positions in order, shape (n, 2).
+
+    Returns
+    -------
+    float
+        The median over those that differ, in the unit of `x`; 0 if none does.
+    """
+    steps = np.hypot(*np.diff(x, axis=0).T)
+    moved = steps[steps > 0]
+    return float(np.median(moved)) if len(moved) else 0.0
 
 
 def has_collapsed(

@@ -251,20 +251,22 @@ class Mapping(click.ParamType):
     "survey", cls=Command, more=options_of("SURVEY"),
     help="Judge and map the log of a real survey: spikes out, a map with its uncertainty.",
     examples=["infoplan survey track.csv", "infoplan survey track.gpx detector=local batch=30s",
+              "infoplan survey may.csv june.csv",
               "infoplan survey 'log.csv' 'columns={x: East, y: North, value: D}' crs=EPSG:32619"],
 )  # fmt: skip
-@setting("log", UserPath(), "the log: .csv, .tsv, .gpx, .nc or .parquet", bare=1)
+@setting("log", UserPath(), "the log: .csv, .tsv, .gpx, .nc or .parquet; or several of one place",
+         default=(), bare=-1, named=False)  # fmt: skip
 @RESULTS
 @setting("columns", Mapping(), "names of its columns by what they are (lat, lon, x, y, value, "
          "time, date), where they are not recognised")  # fmt: skip
 @setting("crs", Text(), "the plane in metres, as EPSG:32619; the local UTM zone if left out")
 @setting("unit", Text(), "of the values; as the log says if left out")
-@setting("batch", Text(), "judge so many samples at a time, or seconds as in 30s; at once if "
-         "left out")  # fmt: skip
+@setting("batch", Text(), "judge so many samples at a time, or seconds as in 30s, or each log; "
+         "at once, and of several logs each, if left out")  # fmt: skip
 @setting("check", Number(min=0, max=0.5, min_open=True), "compare all detectors: so large a share "
          "of the samples of a copy become known spikes")  # fmt: skip
 def survey(
-    log: Path | None,
+    log: tuple[Path, ...],
     results_dir: Path,
     columns: dict[str, str] | None,
     crs: str | None,
@@ -276,7 +278,7 @@ def survey(
     """Map a survey."""
     from infoplan.survey_command import survey
 
-    if log is None:
+    if not log:
         raise UsageError(
             "infoplan survey takes the log of a survey: name the file, like infoplan survey "
             "track.csv"

@@ -17,7 +17,7 @@ STRETCHES = 10
 """So many stretches, equally long in samples, is a track cut into."""
 
 MOST_LEFT_OUT = 5000
-"""Samples of which each is left out alone: that takes a matrix of their number squared."""
+"""Samples of which each is left out alone, if that takes a matrix of their number squared."""
 
 
 def cross_validate(belief: Belief) -> tuple[StretchScore, ...]:
@@ -108,12 +108,14 @@ def _left_out(belief: Belief, kept: NDArray[np.bool_]) -> Floats:
     unknown, and for too many samples.
     """
     errors, n = np.full(len(kept), np.nan), int(kept.sum())
-    if belief.config.model.name == "own" or not LEAST <= n <= MOST_LEFT_OUT:
+    is_sparse = hasattr(belief.model, "weights_and_sparse_inverse")
+    if belief.config.model.name == "own" or n < LEAST or (n > MOST_LEFT_OUT and not is_sparse):
         return errors
     readings, pilot = belief.readings, belief.epochs == 0
-    weights, inverse = belief.model.weights_and_inverse(
-        readings.x[kept], readings.measured[kept], np.arange(n)
+    conditioned = (
+        belief.model.weights_and_sparse_inverse if is_sparse else belief.model.weights_and_inverse
     )
+    weights, inverse = conditioned(readings.x[kept], readings.measured[kept], np.arange(n))
     scale = np.nanstd(readings.measured[pilot])  # the model's unit (`Scaler.of_pilot`)
     errors[kept] = scale * weights / inverse.diagonal()
     return errors

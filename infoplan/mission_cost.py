@@ -33,8 +33,8 @@ POINT_BYTES = 50
 PAIR_BYTES = {"gp": 8, "student_t": 48, "rcgp": 44, "itgp": 8, "relevance_pursuit": 40}
 """Of a pair of samples in a model in double precision: matrices that are held at a time."""
 
-DETECTOR_PAIR_BYTES = {"gp_residual": 24, "local": 30}
-"""Of a judged sample and one that it is judged by."""
+RESIDUAL_PAIR_BYTES = 24
+"""Of two samples that gp_residual compares."""
 
 NODE_PAIR_BYTES = 24
 """Of a pair of nodes, for a reward of their covariance: matrices that are held at a time."""
@@ -96,7 +96,7 @@ def parts(config: MissionConfig) -> list[Part]:
             f"grid={config.grid} with planner.reward={getattr(planner, 'reward', '')}",
         ),
         Part(
-            DETECTOR_PAIR_BYTES.get(detector.name, 0) * judged * budget,
+            _residual_bytes(config, judged),
             f"the detector {detector.name} on {rough(judged)} of {rough(budget)} samples",
             f"budget={config.budget}" + (" or detector.scope=historical" if judged > batch else ""),
         ),
@@ -189,6 +189,18 @@ def _neighbour_bytes(config: MissionConfig) -> float:
         return 0.0
     blocks = 24.0 * config.budget / model.block * model.neighbours
     return blocks + 8.0 * nodes / GROUP * model.prediction_neighbours
+
+
+def _residual_bytes(config: MissionConfig, judged: float) -> float:
+    """Bytes of the detector that inverts the covariance of what it judges."""
+    model = config.model
+    if config.detector.name != "gp_residual":
+        return 0.0
+    if model.name != "vecchia":
+        return RESIDUAL_PAIR_BYTES * judged * config.budget
+    # Only samples that share a block or its neighbours have to do with each other.
+    pairs = (model.neighbours + model.block) ** 2 / model.block
+    return RESIDUAL_PAIR_BYTES * judged * min(pairs, config.budget)
 
 
 def _of_covariance(config: MissionConfig) -> bool:

@@ -160,8 +160,8 @@ def plan_next(
     say(
         console,
         f"{source.name}: {method_label(config.planner)} from {_told(track.poses[0], plane)}, "
-        f"samples {figure(step)} m apart, actions of {figure(robot.samples_per_action * step)} m, turning "
-        f"radius {trip.turning_radius:g} m, {trip.speed:g} m/s",
+        f"samples {figure(step)} m apart, actions of {figure(robot.samples_per_action * step)} m, "
+        f"turning radius {trip.turning_radius:g} m, {trip.speed:g} m/s",
     )
     if len(track.poses) <= count:
         say(console, f"the track ends after {len(track.poses) - 1} of {count} samples: no way on")
@@ -217,8 +217,7 @@ def _start(trip: Trip, samples: Samples, plane: Plane, area: Area) -> Floats:
     if not area.holds(x[None])[0]:
         off = float(area.clearance(x[None])[0])
         where = f"{what} {_place(x, plane)}, " if trip.start is None else f"{what} "
-        in_zone = not Area(area.border).obstacles.contain(x[None])[0]
-        if in_zone:
+        if area.encloses(x[None])[0]:
             raise UsageError(f"{where}in a no-go zone: give from= off all zones, in LAT,LON")
         polygon = "the hull of the survey's track" if trip.inside is None else "inside="
         raise UsageError(

@@ -343,7 +343,10 @@ RUN = More(
 STATUS = More("overrides", run_settings, lambda name: True, several=lambda flags: True)
 REPLAY = More("overrides", replay_settings, lambda name: True, pages=write_replay_page)
 SURVEY = More("overrides", survey_settings, lambda name: True, pages=write_survey_page)
-AHEAD = More("overrides", ahead_settings, lambda name: True, pages=write_ahead_page)
+AHEAD = More(
+    "overrides", ahead_settings, lambda name: name.startswith("planner."),
+    pages=write_ahead_page, documented="planner= with the options of the planner",
+)  # fmt: skip
 TERRAIN = More(
     "overrides", terrain_settings, lambda name: name.startswith("terrain."),
     pages=write_terrain_page, documented="terrain= with the options of the map",

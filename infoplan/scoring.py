@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from infoplan.answers import number_of
 from infoplan.belief import Belief
-from infoplan.collapse import has_collapsed
-from infoplan.config import OwnModelConfig, is_survey
+from infoplan.collapse import has_collapsed, spacing_of
+from infoplan.config import OwnModelConfig
 from infoplan.errors import RunError
 from infoplan.methods import method_label
 from infoplan.samples import Batch, Samples
@@ -205,12 +205,12 @@ def count_confusion(judged: Samples) -> dict[str, int]:
 
 def _collapsed(belief: Belief, learned: Any) -> bool | None:
     """Tell whether the model has collapsed; one of the user's may scale its inputs as it likes."""
-    if isinstance(belief.config.model, OwnModelConfig) or is_survey(belief.config.terrain.name):
-        return None  # nor is it known how far apart a log's samples are meant to be
+    if isinstance(belief.config.model, OwnModelConfig):
+        return None
     lengthscales = [number_of(learned, name) for name in ("lengthscale_1", "lengthscale_2")]
     readings = belief.readings
     pilot = readings.x[(belief.epochs == 0) & ~np.isnan(readings.measured)]
-    return has_collapsed(lengthscales, pilot, belief.config.robot.speed)
+    return has_collapsed(lengthscales, pilot, spacing_of(belief.config, pilot))
 
 
 def _further(learned: Any) -> dict[str, float]:

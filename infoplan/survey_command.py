@@ -1,9 +1,10 @@
-"""What ``infoplan survey`` does: read a log, judge and map it, write what one takes away."""
+"""What ``infoplan survey`` does: read logs, judge and map them, write what one takes away."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from infoplan.analyse.detector_check import check_detectors
+from infoplan.analyse.later_logs import read_origins
 from infoplan.analyse.relief import on_grid
 from infoplan.draw.console import wide_console
 from infoplan.draw.progress import listener
@@ -14,14 +15,14 @@ from infoplan.hydra_front.reconfigure import SURVEY, names_opened, reconfigure
 from infoplan.study.store import read_table
 from infoplan.study.study import Study
 from infoplan.study.surveys import SEED, survey_config, survey_samples, survey_study
-from infoplan.survey import SurveyLog, read_log
+from infoplan.survey import SurveyLog, read_logs
 from infoplan.survey.clean import write_clean
 from infoplan.survey.geotiff import write_geotiff
 
 
 def survey(
     results_dir: Path,
-    path: Path,
+    paths: Sequence[Path],
     columns: Mapping[str, str] | None,
     crs: str | None,
     unit: str | None,
@@ -35,8 +36,8 @@ def survey(
     ----------
     results_dir
         The folder of the tables; what one takes away lands in its ``surveys/<run>``.
-    path, columns, crs, unit
-        As of `read_log`.
+    paths, columns, crs, unit
+        As of `read_logs`.
     batch
         As of `infoplan.study.surveys.batches`.
     check
@@ -53,12 +54,15 @@ def survey(
     listening = listener(console)
     names = names_opened(overrides, SURVEY)
     compose(overrides)  # what is wrong there is told whatever the log
-    log = read_log(path, columns, crs, unit)
-    listening.say(
-        f"{path.name}: {len(log)} samples from {len(log.columns)} rows, "
-        f"{log.roles['value']} in {log.unit or 'no known unit'}, {log.crs or 'metres'}", "note",
-    )  # fmt: skip
-    for remark in log.remarks:
+    log = read_logs(paths, columns, crs, unit)
+    for one in log.parts or (log,):
+        listening.say(
+            f"{one.name}: {len(one)} samples from {len(one.columns)} rows, "
+            f"{one.roles['value']} in {one.unit or 'no known unit'}, {one.crs or 'metres'}", "note",
+        )  # fmt: skip
+        for remark in one.remarks:
+            listening.say(f"{one.name}: {remark}" if log.parts else remark, "note")
+    for remark in log.remarks if log.parts else ():
         listening.say(remark, "note")
     config = reconfigure(survey_config(log, batch), overrides, SURVEY)
     if "detector.scope" not in names:
@@ -82,10 +86,20 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
         read_table(study.results_dir, name, run.name, SEED).to_pandas()
         for name in ("samples", "maps")
     )
-    clean = write_clean(
-        folder / "clean.csv", log, samples["score"].to_numpy(), samples["flagged"].to_numpy(),
-        run.science["detector"],
-    )  # fmt: skip
+    origins = read_origins(study.results_dir, run.name, SEED)
+    if origins is not None:
+        samples["log"] = origins["log"]
+    clean = []
+    for number, one in enumerate(log.parts or (log,)):
+        mine = log.log_of == number
+        clean.append(
+            write_clean(
+                folder / (f"clean-{one.name}.csv" if log.parts else "clean.csv"), one,
+                samples["score"].to_numpy()[mine], samples["flagged"].to_numpy()[mine],
+                run.science["detector"],
+                None if origins is None else origins["verdict"][mine].fillna("").tolist(),
+            )
+        )  # fmt: skip
     place = run.config.terrain
     bands = {
         "mean": (on_grid(maps, "mean"), log.unit),
@@ -95,7 +109,7 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
     tiff = write_geotiff(folder / "map.tif", bands, place.extent, place.origin, log.crs)
     picture = draw_survey(samples, maps, folder, log.name, log.unit)[0]
     return [
-        f"{clean}: all rows, with score, flagged and why",
+        *(f"{path}: all rows, with score, flagged and why" for path in clean),
         tiff,
         f"{picture}: track, flags, mean, deviation",
     ]

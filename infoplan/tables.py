@@ -229,6 +229,16 @@ TABLES: dict[str, Table] = {
                at_least=0, gaps=True),
         since="0.2.0",
     ),
+    "origins": _table(
+        "of a survey of several logs, a sample, in order of collection",
+        Column("seed", "integer", "seed of the mission", at_least=0),
+        Column("log", "text", "the log that it comes from"),
+        Column("row", "integer", "its row there, counted from 0 without the header", at_least=0),
+        Column("flagged_first", "boolean", "whether it was flagged when its log was the last"),
+        Column("verdict", "text", "what the later logs say of that: confirmed, cleared or "
+               "untested; else null", gaps=True),
+        since="0.2.0",
+    ),
 }  # fmt: skip
 """Tables and columns, in order."""
 

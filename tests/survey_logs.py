@@ -27,3 +27,16 @@ def write_log(path: Path, samples: int = 80) -> Path:
     ]
     path.write_text("\n".join([HEADER.replace("stamp", "time"), *rows]) + "\n")
     return path
+
+
+def write_long_log(path: Path, samples: int, length: float = 250.0) -> Path:
+    """Write a log of tracks side by side, a metre a sample, one in two hundred a spike."""
+    rng = np.random.default_rng(11)
+    number, along = np.divmod(np.arange(samples), int(length))
+    x = np.where(number % 2 == 0, along, length - 1 - along) + rng.normal(0, 0.1, samples)
+    y = 5.0 * number + rng.normal(0, 0.1, samples)
+    depth = 9 + 2 * np.sin(x / 30) + np.cos(y / 40) + rng.normal(0, 0.05, samples)
+    depth[100::200] += 4
+    table = np.column_stack([np.arange(samples), x, y, depth])
+    np.savetxt(path, table, "%.3f", ",", header="time,x,y,depth", comments="")
+    return path

@@ -52,7 +52,7 @@ def test_a_collapsed_mission_is_stored_told_and_audited(tmp_path, capfd):
     flown(tmp_path, 0.02)
     table = said(capfd)
     assert SENTENCE in table
-    assert "1 of 1" in table
+    assert "2 of 2" in table
     assert load_curves(tmp_path)["collapsed"].tolist() == [True] * len(load_curves(tmp_path))
     assert main(["show", f"results_dir={tmp_path}"]) == 0
     assert SENTENCE in said(capfd)
@@ -69,7 +69,7 @@ def test_a_collapsed_mission_is_stored_told_and_audited(tmp_path, capfd):
 def test_a_sound_mission_says_nothing(tmp_path, capfd):
     flown(tmp_path, 0.5)
     table = said(capfd)
-    assert "0 of 1" in table
+    assert "0 of 2" in table
     assert "model has collapsed" not in table
     assert main(["show", f"results_dir={tmp_path}"]) == 0
     assert "collapsed" not in said(capfd)

@@ -70,7 +70,8 @@ def study(tmp_path_factory) -> Path:
     for example in (ROOT / "examples").glob("*.py"):
         shutil.copy(example, folder)
     infoplan(*small("infoplan run -m experiment=fig5"), cwd=folder)
-    shutil.copy(ROOT / "examples" / "harbour.csv", folder)
+    for log in ("harbour.csv", "harbour_again.csv"):
+        shutil.copy(ROOT / "examples" / log, folder)
     infoplan(*small("infoplan survey harbour.csv results_dir=surveys"), cwd=folder)
     return folder
 

@@ -3,8 +3,16 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from infoplan.detect.evidence import NORMAL, Evidence, Judgement, rounding_of
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MARGIN = 1e-9
+"""Share of a distance that rounding may hide."""
 
 
 def local(
@@ -39,11 +47,8 @@ def local(
         NaN where not judged. Where all neighbours agree to rounding, s is that rounding.
     """
     among, judged = np.flatnonzero(samples.candidates), np.flatnonzero(samples.judged)
-    offset = samples.x[judged, None, :] - samples.x[among]
-    distance = offset[..., 0] ** 2 + offset[..., 1] ** 2
-    distance[judged[:, None] == among] = np.inf
     count = min(neighbours, len(among) - 1)
-    nearest = among[np.argsort(distance, axis=1, kind="stable")[:, :count]]
+    nearest = _nearest(samples.x, among, judged, count)
     around = samples.measured[nearest]
     middle = np.median(around, axis=1)
     spread = NORMAL * np.median(np.abs(around - middle[:, None]), axis=1)
@@ -53,3 +58,42 @@ def local(
     )
     flagged[judged] = score[judged] > threshold
     return flagged, score
+
+
+def _nearest(x: Floats, among: Integers, asked: Integers, count: int) -> Integers:
+    """Find the nearest of some samples to others, each not to itself.
+
+    Parameters
+    ----------
+    x
+        Positions of all, shape (n, 2).
+    among, asked
+        Numbers of those that are looked for, ascending, and of those that are asked about.
+    count
+        How many of them.
+
+    Returns
+    -------
+    ndarray, shape (len(asked), count)
+        Numbers, the nearest first, of equally near ones the earlier.
+    """
+    # Of a place where many were taken no more can be among the nearest, and one of them be asked.
+    _, place = np.unique(x[among], axis=0, return_inverse=True)
+    order = np.argsort(place.ravel(), kind="stable")
+    ranked = place.ravel()[order]
+    rank = np.empty(len(among), dtype=np.int64)
+    rank[order] = np.arange(len(among)) - np.searchsorted(ranked, ranked)
+    among = among[rank <= count]
+    tree = cKDTree(x[among])
+    distance, _ = tree.query(x[asked], k=[count + 1])
+    # One more is asked for, as the nearest is mostly itself; the margin is for rounding.
+    found = tree.query_ball_point(x[asked], distance[:, 0] * (1.0 + MARGIN), return_sorted=True)
+    sizes = np.array([len(near) for near in found])
+    near = among[np.concatenate(found).astype(np.int64)]
+    number = np.repeat(np.arange(len(asked)), sizes)
+    offset = x[asked[number]] - x[near]
+    squares = offset[:, 0] ** 2 + offset[:, 1] ** 2
+    squares[near == asked[number]] = np.inf
+    order = np.lexsort((squares, number))  # stable: of equally near ones the earlier
+    starts = np.cumsum(sizes) - sizes
+    return near[order][starts[:, None] + np.arange(count)]

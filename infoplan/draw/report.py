@@ -17,6 +17,7 @@ from infoplan.analyse.claims import METHODS, judge_claims
 from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
 from infoplan.analyse.judging import Claim, Comparison
+from infoplan.analyse.later_logs import later_sentences
 from infoplan.analyse.mission_scores import read_scores
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.stretches import NO_TRUTH
@@ -236,7 +237,8 @@ def _summary(
         introduction = [
             f"The log of a real survey, {selection.terrain}: {counted(selection.budget, 'sample')},"
             " judged by detectors and mapped. Predictions are cross-validated along the track, as "
-            f"{NO_TRUTH}."
+            f"{NO_TRUTH}.",
+            *_later_logs(selection),
         ]
     points = [
         _ranking(panel, findings, selection.unit, _error_words(selection)) for panel in panels
@@ -260,6 +262,15 @@ def _summary(
         + f"<ul>{''.join(f'<li>{_html(text)}</li>' for text in points)}</ul>"
         + (f'<div class="note">{"".join(cautions)}</div>' if cautions else "")
     )
+
+
+def _later_logs(selection: Selection) -> list[str]:
+    """Say of surveys of several logs what the later ones have made of the flags of the earlier."""
+    told = []
+    for run in selection.options:
+        for seed in selection.seeds(run):
+            told += later_sentences(selection.results_dir, run, seed)
+    return told
 
 
 def _method_words(selection: Selection) -> str:

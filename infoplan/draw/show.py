@@ -15,7 +15,7 @@ from infoplan.analyse.stretches import NO_TRUTH, load_scored_curves, read_stretc
 from infoplan.analyse.tables import Selection, load_maps, load_samples
 from infoplan.config import is_survey
 from infoplan.draw.console import INDENT, say
-from infoplan.draw.survey_table import score_lines
+from infoplan.draw.survey_table import print_logs, score_lines
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError
 from infoplan.wording import counted, figure, interval
@@ -51,6 +51,9 @@ def show(selection: Selection, console: Console) -> None:
         console.print(Text(line), soft_wrap=True)
     console.print()
     _print_fields(_survey(selection) if surveyed else _numbers(curves, selection), console)
+    if surveyed:
+        for seed in selection.seeds(runs[0]):
+            print_logs(selection.results_dir, runs[0], seed, console)
     if said := collapse(curves, selection.results_dir):
         say(console, said, style="yellow")
     console.print()
@@ -65,8 +68,11 @@ def show(selection: Selection, console: Console) -> None:
 def _print_header(selection: Selection, run: str, console: Console) -> None:
     seeds = selection.seeds(run)
     changed = changed_options(selection.options[run])
+    # Of a survey nobody has asked the planner and the robot, and its log decides the sizes.
+    hidden = ("terrain.", *(("planner.", "robot.", "pilot.", "budget", "grid")
+                            if is_survey(selection.terrain) else ()))  # fmt: skip
     options = ", ".join(f"{name}={option_text(value)}" for name, value in changed.items()
-                        if not name.startswith("terrain."))  # fmt: skip
+                        if not name.startswith(hidden) or name == "planner.smoothing")  # fmt: skip
     say(console, run)
     say(console, f"{selection.terrain}, budget {selection.budget}, seeds "
         f"{', '.join(map(str, seeds))}")  # fmt: skip

@@ -1,15 +1,20 @@
 """What a survey has found, in the terminal."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import pandas as pd
 from rich.console import Console
 
 from infoplan.analyse.detector_check import Checked, agreement
+from infoplan.analyse.later_logs import read_origins, verdict_counts
 from infoplan.analyse.stretches import NO_TRUTH, gain, read_stretches, scores_by_epoch
+from infoplan.collapse import collapse_sentence
 from infoplan.draw.console import INDENT, say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
-from infoplan.study.store import read_table
+from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
+from infoplan.study.store import present_tables, read_table
+from infoplan.study.stored_curves import ended_collapsed
 from infoplan.study.study import Study
 from infoplan.wording import counted, figure, interval
 
@@ -38,12 +43,39 @@ def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
         f"flagged: {int(flagged.sum()) - silent} of {counted(len(flagged) - silent, 'sample')}",
         indent=INDENT,
     )
+    print_logs(study.results_dir, run.name, seed, console)
     stretches = read_stretches(study.results_dir, run.name, seed)
     for line in score_lines(stretches, run.terrain.unit):
         say(console, line, indent=INDENT)
+    last = read_table(study.results_dir, "curves", run.name, seed).to_pylist()[-1]
+    if said := collapse_sentence([ended_collapsed(study.results_dir, run.name, seed, last)]):
+        say(console, said, indent=INDENT, style="yellow")
     for file in files:
         say(console, file)
-    say(console, f"tables: {study.results_dir}/curves, samples, maps, stretches")
+    tables = present_tables(study.results_dir, run.name, seed)
+    say(console, f"tables: {study.results_dir}/{', '.join(tables)}")
+
+
+def print_logs(results_dir: Path, run: str, seed: int, console: Console) -> None:
+    """Print, for a survey of several logs, what the later ones say of the flags of the earlier."""
+    origins = read_origins(results_dir, run, seed)
+    if origins is None:
+        return
+    samples = read_table(results_dir, "samples", run, seed).to_pandas()
+    counts = verdict_counts(origins, samples)
+    titles = {
+        "samples": "samples", "flagged_first": "flagged then", CONFIRMED: CONFIRMED,
+        CLEARED: CLEARED, UNTESTED: UNTESTED, "flagged_since": "flagged since",
+    }  # fmt: skip
+    columns = [TextColumn("log", least=WHOLE)]
+    columns += [TextColumn(title, right=True) for title in titles.values()]
+    rows = [
+        [str(name), *(str(row[column]) for column in titles)] for name, row in counts.iterrows()
+    ]
+    print_table(
+        console, "Flags of each log when it was the last, and what later logs made of them",
+        columns, rows,
+    )  # fmt: skip
 
 
 def print_check(checked: Mapping[str, Checked], unit: str, console: Console) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from infoplan.model.inference.vecchia import VecchiaInference
 from infoplan.model.kernel import Kernel
@@ -106,7 +107,17 @@ optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, resta
         self, x: np.ndarray, y: np.ndarray, chosen: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Do as `Regression.weights_and_inverse`, of the distribution that the likelihood has."""
+        return self._taught(x, y).weights_and_inverse(self._theta, chosen)
+
+    def weights_and_sparse_inverse(
+        self, x: np.ndarray, y: np.ndarray, chosen: np.ndarray
+    ) -> tuple[np.ndarray, csr_array]:
+        """Do as `weights_and_inverse`; the inverse has the blocks and their neighbours alone."""
+        return self._taught(x, y).weights_and_sparse_inverse(self._theta, chosen)
+
+    def _taught(self, x: np.ndarray, y: np.ndarray) -> VecchiaInference:
+        """Return an inference of other data; the model stays as it is."""
         x, y = checked(x, y)
         inference = self._inference.copied()
         inference.set_data(self._scaler.inputs(x), self._scaler.outputs(y))
-        return inference.weights_and_inverse(self._theta, chosen)
+        return inference

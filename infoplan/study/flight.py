@@ -13,17 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from infoplan.backend import load_matplotlib
 from infoplan.config import DetectorConfig, GpConfig, MissionConfig, RandomConfig, TerrainConfig
 from infoplan.errors import RunError, UsageError
+from infoplan.later_logs import Origins, flagged_first, verdicts
 from infoplan.options import with_values
 from infoplan.samples import Samples
 from infoplan.study.identity import NUMERICS_VERSION, Run
 from infoplan.study.mission_tables import MissionTables, build_tables
 from infoplan.study.provenance import provenance
 from infoplan.study.signals import Interrupted
-from infoplan.study.store import read_table
+from infoplan.study.store import read_table, table_path
 from infoplan.wording import harmless
 
 if TYPE_CHECKING:
@@ -65,6 +67,8 @@ class Task:
         Of a replay, the results folder and the run whose samples it gets; else None.
     surveyed
         The samples of a survey, by batch; else None.
+    origins
+        Of a survey of several logs, where its samples come from; else None.
     """
 
     run: Run
@@ -72,6 +76,7 @@ class Task:
     number: int
     flown: tuple[Path, str] | None = None
     surveyed: Samples | None = None
+    origins: Origins | None = None
 
     @property
     def label(self) -> str:
@@ -133,12 +138,17 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
         with one_thread():
             rows: list[CurveRow] = []
             stretches: list[StretchScore] = []
+            flags: dict[int, NDArray[np.bool_]] = {}
+            origins = _origins(task)
             for state in _states(task):
                 _end_if_forked(process)
                 rows.append(state.row)
                 stretches += state.stretches
+                if origins and state.row.collected in origins.ends:
+                    flags[state.row.collected] = state.samples.flagged
                 report(task.number, state.row.collected, state.row.rmse)
-            tables = build_tables(task.run, task.seed, rows, state, stretches)
+            verdicts = _later_verdicts(task, origins, flags, state) if origins else None
+            tables = build_tables(task.run, task.seed, rows, state, stretches, verdicts)
             footer = provenance() | {
                 "started": started.isoformat(timespec="milliseconds"),
                 "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -176,6 +186,36 @@ def _states(task: Task) -> Iterator["State"]:
         for name in ("samples", "maps")
     )
     return explore_again(config, task.seed, samples, maps)
+
+
+def _origins(task: Task) -> Origins | None:
+    """Say where the samples of a survey of several logs come from; None of any other mission."""
+    if task.flown is None:
+        return task.origins
+    where = (task.flown[0], "origins", task.flown[1], task.seed)
+    if not os.path.lexists(table_path(*where)):
+        return None
+    table = read_table(*where).to_pandas()
+    names = tuple(dict.fromkeys(table["log"]))
+    log = table["log"].map(names.index).to_numpy(dtype=np.int64)
+    return Origins(names, log, table["row"].to_numpy(dtype=np.int64))
+
+
+def _later_verdicts(
+    task: Task, origins: Origins, flags: dict[int, NDArray[np.bool_]], last: "State"
+) -> dict[str, Any]:
+    """Columns of the table ``origins``."""
+    first = flagged_first(origins, flags) & ~np.isnan(last.samples.measured)
+    lengthscales = np.array([last.row.lengthscale_1, last.row.lengthscale_2])
+    judged_again = task.run.config.detector.scope == "historical"
+    return {
+        "log": [origins.names[number] for number in origins.log],
+        "row": origins.row,
+        "flagged_first": first,
+        "verdict": verdicts(origins, first, last.samples, lengthscales)
+        if judged_again
+        else [None] * len(first),
+    }
 
 
 def _end_if_forked(process: int) -> None:

@@ -33,6 +33,7 @@ class MissionTables:
     samples: pa.Table
     maps: pa.Table
     stretches: pa.Table | None = None
+    origins: pa.Table | None = None
 
 
 def build_tables(
@@ -41,6 +42,7 @@ def build_tables(
     rows: "Sequence[CurveRow]",
     last: "State",
     stretches: "Sequence[StretchScore]" = (),
+    origins: Mapping[str, Any] | None = None,
 ) -> MissionTables:
     """Lay a finished mission out as tables: the columns of `infoplan.tables`, and what rows add.
 
@@ -54,6 +56,8 @@ def build_tables(
         The last of them.
     stretches
         Those of all states of a survey, whose columns that need the truth are null.
+    origins
+        Of a survey of several logs, the columns of that table but for the seed.
 
     Raises
     ------
@@ -111,6 +115,7 @@ def build_tables(
         stretches=lay_out("stretches", {"seed": [seed] * len(stretches)} | _columns(stretches))
         if stretches
         else None,
+        origins=lay_out("origins", {"seed": [seed] * len(samples), **origins}) if origins else None,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.collapse import has_collapsed
+from infoplan.collapse import has_collapsed, spacing_of
 from infoplan.config import OwnModelConfig
 from infoplan.study.identity import Run
 from infoplan.study.store import read_footer, read_table, table_path
@@ -70,7 +70,8 @@ def ended_collapsed(results_dir: Path, run: str, seed: int, last: Mapping[Any, A
     samples = read_table(results_dir, "samples", run, seed).to_pandas()
     pilot = samples[(samples["epoch"] == 0) & samples["measured"].notna()]
     lengthscales = [float(last[name]) for name in ("lengthscale_1", "lengthscale_2")]
-    return has_collapsed(lengthscales, pilot[["x1", "x2"]].to_numpy(), config.robot.speed)
+    places = pilot[["x1", "x2"]].to_numpy()
+    return has_collapsed(lengthscales, places, spacing_of(config, places))
 
 
 def final_rmse(study: Study) -> list[float]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from infoplan.later_logs import Origins
 from infoplan.samples import Samples
 from infoplan.study.estimate import Pace, kind_of
 from infoplan.study.flight import Task
@@ -28,6 +29,8 @@ class Study:
         Of replays, the run whose samples they get; else None.
     surveyed
         Of a survey, its samples by batch; else None.
+    origins
+        Of a survey of several logs, where its samples come from; else None.
     pace
         Seconds of all missions in the results.
     done
@@ -46,6 +49,7 @@ class Study:
     results_dir: Path
     flown: str | None = None
     surveyed: Samples | None = None
+    origins: Origins | None = None
     stored: dict[tuple[str, int], Stored] = field(default_factory=dict)
     pace: Pace = field(default_factory=Pace)
     done: set[tuple[str, int]] = field(default_factory=set)
@@ -68,7 +72,7 @@ class Study:
         missions.sort(key=lambda mission: -length[mission[0].name])
         flown = None if self.flown is None else (self.results_dir, self.flown)
         return [
-            Task(run, seed, number, flown, self.surveyed)
+            Task(run, seed, number, flown, self.surveyed, self.origins)
             for number, (run, seed) in enumerate(missions)
         ]
 

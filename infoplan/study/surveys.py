@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.collapse import spacing_along
 from infoplan.config import (
     Config,
     GpResidualConfig,
@@ -16,7 +17,9 @@ from infoplan.config import (
 )
 from infoplan.errors import UsageError
 from infoplan.files import user_path
-from infoplan.mission_cost import check_mission
+from infoplan.later_logs import Origins
+from infoplan.machine import machine_memory, size
+from infoplan.mission_cost import PAIR_BYTES, check_mission, memory_of, seconds_of
 from infoplan.samples import Samples
 from infoplan.study.executor import carry_out
 from infoplan.study.identity import identify
@@ -25,7 +28,7 @@ from infoplan.study.store import prepare
 from infoplan.study.study import Study
 from infoplan.survey import SurveyLog
 from infoplan.terrain import Terrain
-from infoplan.wording import counted
+from infoplan.wording import counted, rough
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +40,12 @@ MARGIN = 0.05
 
 NODES = 2500
 """About so many nodes has the map, as near to squares as can be, unless ``grid=`` is given."""
+
+PER_LOG = "log"
+"""A batch for each log."""
+
+LONGEST = 1.0
+"""Hours that a model of all pairs of samples may take, as estimated."""
 
 STEPS_ACROSS = 20
 """A step of the robot that would fly there is so small a part of the shorter side, at most."""
@@ -65,8 +74,10 @@ def survey_config(log: SurveyLog, batch: str | None) -> MissionConfig:
     origin = np.floor(low - margin)
     width, height = (float(side) for side in np.ceil(high + margin) - origin)
     cell = math.sqrt(width * height / NODES)
-    steps = np.hypot(*np.diff(log.x, axis=0).T)
-    usual = float(np.median(steps[steps > 0]))
+    if log.parts:
+        batch = batch or PER_LOG
+    elif batch == PER_LOG:
+        batch = None
     config = MissionConfig(
         detector=GpResidualConfig(scope="historical"),
         model=VecchiaConfig(),
@@ -83,6 +94,7 @@ def survey_config(log: SurveyLog, batch: str | None) -> MissionConfig:
         budget=len(log),
         grid=[max(2, round(side / cell) + 1) for side in (height, width)],
     )
+    usual = spacing_along(log.x)
     config.robot.speed = round(min(usual, min(width, height) / STEPS_ACROSS), 6)
     config.pilot.samples = int(np.sum(batches(log, batch) == 0))
     return config
@@ -99,7 +111,8 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
         As read.
     batch
         A number of samples, or of seconds, as in ``30s``; None: at once, which is all but the last
-        sample and then that one, whereupon all are judged.
+        sample and then that one, whereupon all are judged. Of several logs each begins batches of
+        its own; None or ``log``: each is one, and the first is taken at once.
 
     Returns
     -------
@@ -111,28 +124,16 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
     UsageError
         If it is none of these, the log has no times, or the first batch cannot begin a model.
     """
-    n = len(log)
-    if batch is None:
-        return np.where(np.arange(n) == n - 1, 1, 0)
-    found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) *(s?)", batch.strip())
-    size = float(found[1]) if found else 0.0
-    if found is None or not size or not (found[2] or size.is_integer()):
-        raise UsageError(
-            f"batch={batch} is not possible: give a number of samples like 100, or of seconds like "
-            "30s"
-        )
-    if not found[2]:
-        parts = np.arange(n) // int(size)
-    elif log.time is None:
-        raise UsageError(
-            f"batch={batch} needs times, and the log has none that are recognised: give a number "
-            "of samples, or columns={time: ...}"
-        )
-    else:
-        parts = np.floor((log.time - log.time[0]) / size)
-    epochs = np.unique(parts, return_inverse=True)[1].astype(np.int64)
+    if log.parts:
+        first, *later = log.parts
+        found = [batches(first, None if batch == PER_LOG else batch)]
+        for part in later:
+            own = _parts(part, None if batch == PER_LOG else batch)
+            found.append(found[-1][-1] + 1 + own)
+        return np.concatenate(found)
+    epochs = _parts(log, None if batch == PER_LOG else batch)
     if epochs[-1] == 0:
-        return batches(log, None)
+        return np.where(np.arange(len(log)) == len(log) - 1, 1, 0)
     first = epochs == 0
     value = log.value[first & ~np.isnan(log.value)]
     if len(value) < 3 or np.ptp(value) == 0 or np.any(np.ptp(log.x[first], axis=0) == 0):
@@ -144,19 +145,77 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
     return epochs
 
 
+def _parts(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
+    """Count the batches of a log from 0, sample by sample; None: it is one."""
+    if batch is None:
+        return np.zeros(len(log), dtype=np.int64)
+    found = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) *(s?)", batch.strip())
+    size = float(found[1]) if found else 0.0
+    if found is None or not size or not (found[2] or size.is_integer()):
+        raise UsageError(
+            f"batch={batch} is not possible: give a number of samples like 100, of seconds like "
+            "30s, or log"
+        )
+    if not found[2]:
+        parts = np.arange(len(log)) // int(size)
+    elif log.time is None:
+        raise UsageError(
+            f"batch={batch} needs times, and the log has none that are recognised: give a number "
+            "of samples, or columns={time: ...}"
+        )
+    else:
+        parts = np.floor((log.time - log.time[0]) / size)
+    return np.unique(parts, return_inverse=True)[1].astype(np.int64)
+
+
 def survey_samples(log: SurveyLog, config: MissionConfig) -> Samples:
     """Give the samples of a log as a mission's, positions from the workspace's origin on."""
     place, n = config.terrain, len(log)
     return Samples(
         epoch=batches(log, place.batch),
         x=log.x - np.array(place.origin),
-        heading=headings(log.x),
+        heading=np.concatenate([headings(part.x) for part in log.parts or (log,)]),
         truth=np.full(n, np.nan),
         measured=log.value,
         is_outlier=np.zeros(n, dtype=bool),
         flagged=np.zeros(n, dtype=bool),
         score=np.full(n, np.nan),
     )
+
+
+def _check_size(config: MissionConfig) -> None:
+    """Refuse so many samples that a model of all pairs of them is no longer sensible.
+
+    Raises
+    ------
+    UsageError
+        Says from which number on, and what to use instead.
+    """
+    if config.model.name not in PAIR_BYTES:
+        return
+    n = np.unique(np.geomspace(10, config.budget, 200).astype(int))
+    sized = [
+        replace(config, budget=k, pilot=replace(config.pilot, samples=k - 1)) for k in n.tolist()
+    ]
+    hours = np.array([seconds_of(one) for one in sized]) / 3600
+    needed = np.array([memory_of(one) for one in sized])
+    sensible = (hours <= LONGEST) & (needed <= machine_memory())
+    if sensible[-1]:
+        return
+    raise UsageError(
+        f"model={config.model.name} works with all pairs of samples: {config.budget} take about "
+        f"{rough(hours[-1])} hours and {size(needed[-1])} of memory, and beyond about "
+        f"{rough(float(n[sensible].max(initial=0)))} it stops being sensible here; use "
+        "model=vecchia, whose cost is linear"
+    )
+
+
+def origins_of(log: SurveyLog) -> Origins | None:
+    """Say of which log each sample is, and in which row; None if there is one log."""
+    if not log.parts:
+        return None
+    rows = np.concatenate([part.rows for part in log.parts])
+    return Origins(tuple(part.name for part in log.parts), log.log_of, rows)
 
 
 def headings(x: Floats) -> Floats:
@@ -205,6 +264,7 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
             "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
             "leave it out and all are judged"
         )
+    _check_size(config)
     check_mission(config)
     place = config.terrain
     unknown = np.full((2, 2), np.nan)
@@ -214,7 +274,7 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
     folder = user_path(config.results_dir)
     prepare(folder)
     samples = survey_samples(log, config)
-    study = Study([run.name], [(run, [SEED])], folder, surveyed=samples)
+    study = Study([run.name], [(run, [SEED])], folder, surveyed=samples, origins=origins_of(log))
     study.look()
     carry_out(study, replace(config, backend="sequential", n_jobs=1), listener)
     return study

@@ -47,7 +47,11 @@ class Area:
 
     def holds(self, x: Floats) -> NDArray[np.bool_]:
         """Tell which places, shape (n, 2), are in the polygon and in no zone."""
-        return ~self.obstacles.contain(x)
+        return self.encloses(x) & ~Obstacles(self.zones).contain(x)
+
+    def encloses(self, x: Floats) -> NDArray[np.bool_]:
+        """Tell which places, shape (n, 2), are in the polygon, zones or not."""
+        return Obstacles((self.border,)).contain(x)
 
     def clearance(self, x: Floats) -> Floats:
         """Distance of places, shape (n, 2), to the nearest edge of the polygon or of a zone."""

@@ -1,6 +1,6 @@
 """The cleaned log: all that was in it, with the verdict on each row."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +9,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.files import writing
+from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.survey.log import SurveyLog
 from infoplan.wording import csv_cell
 
 ADDED = ("score", "flagged", "why")
 """Columns that a cleaned log has besides its own."""
+
+
+LATER = {
+    CONFIRMED: "confirmed: a later log has been near",
+    CLEARED: "cleared: a later log has been near",
+    UNTESTED: "untested: no later log has been near",
+}
+"""How a verdict of later logs is told."""
 
 
 def write_clean(
@@ -22,6 +31,7 @@ def write_clean(
     score: NDArray[np.float64],
     flagged: NDArray[np.bool_],
     detector: Mapping[str, Any],
+    verdict: Sequence[str] | None = None,
 ) -> Path:
     """Write a log with the verdict on each of its rows, in their order, as CSV.
 
@@ -35,6 +45,9 @@ def write_clean(
         The detector's, of each sample in order of time, shape (n,).
     detector
         Its options, ``name`` among them.
+    verdict
+        What later logs say of each sample that was flagged before them (`infoplan.later_logs`),
+        empty of the others; None: there are none.
 
     Returns
     -------
@@ -55,6 +68,10 @@ def write_clean(
     for row, one, value in zip(log.rows.tolist(), flagged, log.value, strict=True):
         if one:
             why[row] = "no value" if np.isnan(value) else _phrase(detector, scores[row])
+    for row, said in zip(log.rows.tolist(), verdict or (), strict=False):
+        if said:
+            now = why[row] or "flagged no more"
+            why[row] = f"{now}; {LATER[said]}"
     table = log.columns.copy()
     added = (pd.Series(scores).map(lambda s: "" if np.isnan(s) else f"{s:.6g}"), flags,
              [csv_cell(text) for text in why])  # fmt: skip

@@ -11,7 +11,7 @@ from infoplan.errors import UsageError
 from infoplan.survey.raw import RawLog, Refusal, check_names
 from infoplan.wording import counted
 
-DELIMITERS = ("\t", ";", ",", "|")
+DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars"}
 COMMENT = "#"
 
 HELP = "give a line of column names, then a line a sample"
@@ -78,15 +78,21 @@ def read_delimited(content: bytes, what: str) -> RawLog:
         while len(fields) > len(names) and not fields[-1].strip():
             fields = fields[:-1]
         if len(fields) != len(names):
-            refused[row] = Refusal(
-                f"{counted(len(fields), 'field')} where the header has {len(names)}"
-            )
+            refused[row] = Refusal(_misfit(fields, len(names), delimiter))
             last = len(names) - 1
             fields = [*fields[:last], delimiter.join(fields[last:])]
             fields += [""] * (len(names) - len(fields))
         cells.append(fields)
     table = pd.DataFrame(cells, columns=names, dtype=object)
     return RawLog(table, [line for line, _ in rest], "line", refused=refused)
+
+
+def _misfit(fields: list[str], wanted: int, delimiter: str) -> str:
+    """Say why a line has not as many fields as the header."""
+    other = next((mark for mark in DELIMITERS if len(fields) == 1 and mark in fields[0]), None)
+    if other:
+        return f"{DELIMITERS[other]} part its columns, {DELIMITERS[delimiter]} those of the header"
+    return f"{counted(len(fields), 'field')} where the header has {wanted}"
 
 
 def _rows(lines: _Lines, delimiter: str, what: str) -> Iterator[tuple[int, list[str]]]:

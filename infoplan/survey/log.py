@@ -15,7 +15,7 @@ from infoplan.errors import UsageError
 from infoplan.files import read_regular
 from infoplan.survey.delimited import read_delimited
 from infoplan.survey.gpx import read_gpx
-from infoplan.survey.names import roles_of, split_name
+from infoplan.survey.names import ROLES, roles_of, split_name
 from infoplan.survey.netcdf import read_netcdf
 from infoplan.survey.parquet import read_parquet
 from infoplan.survey.projection import checked_crs, to_metres, utm_zone
@@ -78,6 +78,9 @@ class SurveyLog:
         Rows that are no samples, and why.
     remarks
         What the reader has met: sentences with counts.
+    parts
+        Of several logs made into one (`infoplan.survey.several`), each of them, in order; else
+        none.
     """
 
     name: str
@@ -92,9 +95,15 @@ class SurveyLog:
     crs: str | None
     refused: dict[int, Refusal]
     remarks: list[str]
+    parts: tuple["SurveyLog", ...] = ()
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def log_of(self) -> Integers:
+        """Which of `parts` each sample is of, shape (n,); 0 of a log that has none."""
+        return np.repeat(np.arange(len(self.parts) or 1), [*map(len, self.parts or (self,))])
 
 
 def read_log(
@@ -102,6 +111,8 @@ def read_log(
     columns: Mapping[str, str] | None = None,
     crs: str | None = None,
     unit: str | None = None,
+    *,
+    partial: bool = False,
 ) -> SurveyLog:
     """Read the log of a survey.
 
@@ -116,6 +127,8 @@ def read_log(
         zone, and metres are on a plane of their own.
     unit
         Of the values, where the log does not tell it or tells a wrong one.
+    partial
+        Whether `columns` may name some that this log has not.
 
     Raises
     ------
@@ -133,8 +146,16 @@ def read_log(
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
         raise UsageError(f"{harmless(path)} cannot be read ({reason}): name a log") from error
+    if content.lstrip()[:20].lower().startswith((b"<!doctype html", b"<html")):
+        raise UsageError(
+            f"{what} is a page of a website, perhaps one that asks to sign in, and no log: "
+            "download the log once more"
+        )
     raw = reader(content, what)
-    roles = roles_of([str(name) for name in raw.columns], columns or {}, what)
+    names = [str(name) for name in raw.columns]
+    given = {role: name for role, name in (columns or {}).items()
+             if not (partial and role in ROLES and name not in names)}  # fmt: skip
+    roles = roles_of(names, given, what)
     refused = dict(raw.refused)
     numbers: dict[str, Floats] = {
         role: _numbers(raw, roles[role], role, refused)

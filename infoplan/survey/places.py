@@ -209,8 +209,7 @@ def _polygons_of(part: Any) -> Iterator[Any]:
 
 def _geojson_metres(pairs: Floats, document: dict[str, Any], plane: Plane, what: str) -> Floats:
     """Project a ring of a GeoJSON file: longitude first, unless the file names another system."""
-    told = document.get("crs")
-    name = told["properties"].get("name") if _names_crs(told) else None
+    name = _named_crs(document.get("crs"))
     if plane.crs is None:
         if name is not None:
             raise UsageError(
@@ -218,8 +217,8 @@ def _geojson_metres(pairs: Floats, document: dict[str, Any], plane: Plane, what:
                 "give metres of that plane, and no crs"
             )
         return pairs
-    if name is not None and not str(name).endswith("CRS84"):
-        return between(pairs, str(name), plane.crs, what)
+    if name is not None and not name.endswith("CRS84"):
+        return between(pairs, name, plane.crs, what)
     if (np.abs(pairs) > [MOST_LON, MOST_LAT]).any():
         raise UsageError(
             f"{what} is not in degrees, as GeoJSON is: export it in WGS 84 (EPSG:4326)"
@@ -227,9 +226,11 @@ def _geojson_metres(pairs: Floats, document: dict[str, Any], plane: Plane, what:
     return between(pairs, DEGREES, plane.crs, what)
 
 
-def _names_crs(told: Any) -> bool:
-    """Tell whether a file names a coordinate system, as GeoJSON of before RFC 7946 does."""
-    return isinstance(told, dict) and isinstance(told.get("properties"), dict)
+def _named_crs(told: Any) -> str | None:
+    """Read which coordinate system a file names, as GeoJSON of before RFC 7946 may."""
+    properties = told.get("properties") if isinstance(told, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    return None if name is None else str(name)
 
 
 def _checked(ring: Floats, option: str) -> Floats:

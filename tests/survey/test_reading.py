@@ -225,6 +225,16 @@ MALFORMED = {
     "ragged": (PLAIN.replace(",6", ",6,1,2").replace(",7", ",7,1,2"),
                "line 2: 5 fields where the header has 3, and 8 of 12 lines are wrong"),
     "binary": (b"\x89HDF\r\n\x1a\n" + bytes(64), "log.csv is no text"),
+    "junk": (bytes(range(256)) * 8, "log.csv is no text"),
+    "a page": (b"<!DOCTYPE html>\n<html><body>Please, sign in</body></html>\n",
+               "log.csv is a page of a website"),
+    "all missing": (table("lat,lon,depth", [(*row[:2], "") for row in ROWS]),
+                    "12 samples with a position, 0 of them with a value: it takes 10"),
+    "two delimiters": (PLAIN.replace(",", ";").replace(";", ",", 2),
+                       "line 2: semicolons part its columns, commas those of the header"),
+    "utf16 without mark": (PLAIN.encode("utf-16-le"), "log.csv is a text in UTF-16 without its "
+                           "mark: save it as UTF-8"),
+    "two rows": (table("lat,lon,depth", ROWS[:2]), "2 samples with a position"),
     "few": (table("lat,lon,depth", ROWS[:4]), "4 samples with a position, 4 of them with a value"),
     "no times": (table("time,lat,lon,depth", [("noon", *row) for row in ROWS]),
                  "line 2, column 1 (time): 'noon' is no time"),
@@ -249,6 +259,9 @@ def test_a_malformed_log_gets_one_sentence(log, case):
         ("<gpx><trk>\n<trkseg></trk></gpx>", "track.gpx", "line 2, column 11: it is no whole XML"),
         ('<!DOCTYPE g [<!ENTITY a "b">]><gpx/>', "track.gpx", "declares entities"),
         ("<gpx/>", "track.gpx", "no track, route or waypoints"),
+        ("<gpx><trk><trkseg/></trk></gpx>", "track.gpx", "no track, route or waypoints"),
+        (bytes(range(256)), "track.gpx", "line 1, column 1: it is no whole XML"),
+        ("<!doctype HTML><html/>", "track.gpx", "track.gpx is a page of a website"),
         (b"PAR1 and no more", "log.parquet", "log.parquet is no whole Parquet file"),
         (b"CDF\x01 and no more", "log.nc", "log.nc is no whole NetCDF file"),
         ("", "log.xlsx", "no log that is read: give one of .cdf, .csv"),
@@ -257,6 +270,29 @@ def test_a_malformed_log_gets_one_sentence(log, case):
 def test_other_malformed_files_too(log, content, name, sentence):
     with pytest.raises(UsageError, match=re.escape(sentence)):
         log(content, name)
+
+
+@pytest.mark.parametrize("form", ["scipy", "h5netcdf", "parquet"])
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_a_file_that_ends_too_early_is_told(log, form, share):
+    if form == "parquet":
+        stream = io.BytesIO()
+        pq.write_table(pa.table({"lat": LAT, "lon": LON, "depth": DEPTH}), stream)
+        content, name, kind = stream.getvalue(), "log.parquet", "Parquet"
+    else:
+        xarray = pytest.importorskip("xarray")
+        pytest.importorskip(form)
+        columns = {"lat": LAT, "lon": LON, "depth": DEPTH}
+        dataset = xarray.Dataset({name: (("obs",), values) for name, values in columns.items()})
+        content, name, kind = bytes(dataset.to_netcdf(engine=form)), "log.nc", "NetCDF"
+    with pytest.raises(UsageError, match=f"{name} is no whole {kind} file: copy it once more"):
+        log(content[: int(share * len(content))], name)
+
+
+def test_a_folder_is_no_log(tmp_path):
+    (tmp_path / "log.csv").mkdir()
+    with pytest.raises(UsageError, match="is a folder: name a file"):
+        read_log(tmp_path / "log.csv")
 
 
 @pytest.mark.parametrize(

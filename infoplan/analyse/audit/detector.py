@@ -35,6 +35,9 @@ LARGEST_PARAMETER = 100_000
 REPEATED = ("none", "best", "copod", "local", "hampel", "qartod", "gp_residual")
 """Detectors that `_judge` knows, those of PyOD besides."""
 
+COMPARING, MOST_COMPARED = ("gp_residual", "local"), 5000
+"""Detectors that are repeated pair by pair, and up to how many samples."""
+
 LARGEST_FILTER = 1e10
 """Multiplications for smoothing the outlier matrix above which it is not repeated."""
 
@@ -82,6 +85,8 @@ def _unrepeatable(mission: StoredMission) -> str:
         return f"the audit does not know detector={name}"
     if name == "gp_residual" and mission.is_own("model"):
         return "the detector asks the model, which is the user's own"
+    if name in COMPARING and (n := len(mission.samples)) > MOST_COMPARED:
+        return f"the detector compares {n} samples with each other, {MOST_COMPARED} are repeated"
     if name.startswith("pyod_") and not _is_tame(mission):
         return "the detector of PyOD might load or fetch something, or take for ever"
     return ""

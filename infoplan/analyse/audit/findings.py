@@ -16,6 +16,7 @@ from infoplan.analyse.audit.detector import (
     replay_detector,
 )
 from infoplan.analyse.audit.fault import check_errors, check_share
+from infoplan.analyse.audit.logs import check_later_logs
 from infoplan.analyse.audit.model import (
     check_earlier_models,
     check_final_model,
@@ -89,6 +90,7 @@ CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
     "final model": check_final_model,
     "earlier models": check_earlier_models,
     "stretches": check_stretches,
+    "later logs": check_later_logs,
 }
 """Checks by name, in order."""
 
@@ -232,6 +234,8 @@ def audit_mission(
             if name in SPIKES_ONLY and mission.option("fault.name") != SPIKE:
                 continue
             if name == "stretches" and not is_survey(mission.option("terrain.name")):
+                continue
+            if name == "later logs" and "origins" not in mission.tables:
                 continue
             if name in NEVER_SPIKES and mission.option("fault.name") == SPIKE:
                 continue

@@ -72,10 +72,10 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
         (curves["jitter"] >= jitter * (1 - ROUNDING)).to_numpy(),
         lambda e: f"the jitter of epoch {e} is {curves['jitter'][e]:.4g} < {jitter}",
     )
-    low, high = _pilot_box(mission)
+    low, high = pilot_box(mission)
     # Not every model has that guard.
     shortest = float(as_meant(mission.configuration)["model"].get("min_lengthscale", 0.0))
-    spacing = shortest * float(mission.option("robot.speed"))
+    spacing = shortest * spacing_of_samples(mission)
     floors = dict(zip(("lengthscale_1", "lengthscale_2"), 2 * spacing / (high - low), strict=True))
     for name in sorted(floors.keys() & set(names)):
         _demand_floor(name, curves[name].to_numpy(), floors[name])
@@ -94,6 +94,15 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
     return "at the end " + ", ".join(f"{name} {last[name]:.4g}" for name in [*names, "jitter"])
 
 
+def spacing_of_samples(mission: StoredMission) -> float:
+    """Distance of two successive samples: the robot's, of a survey the usual one of its pilot."""
+    if not is_survey(mission.option("terrain.name")):
+        return float(mission.option("robot.speed"))
+    x = mission.x[(mission.epoch == 0) & mission.told]
+    steps = np.linalg.norm(x[1:] - x[:-1], axis=1)
+    return float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+
+
 def _demand_floor(name: str, found: Floats, floor: float) -> None:
     """Check that a lengthscale keeps the floor that `model.min_lengthscale` sets."""
     demand(
@@ -110,10 +119,10 @@ def _check_collapse(mission: StoredMission) -> None:
     curves = mission.curves
     if curves["collapsed"].isna().all():  # of an older version, or a kernel without lengthscales
         return
-    low, high = _pilot_box(mission)
+    low, high = pilot_box(mission)
     lengthscales = curves[["lengthscale_1", "lengthscale_2"]].to_numpy(dtype=float)
     smaller = (lengthscales * (high - low) / 2).min(axis=1)
-    speed = float(mission.option("robot.speed"))
+    speed = spacing_of_samples(mission)
     said = curves["collapsed"].to_numpy()
     # At the very distance rounding decides.
     demand(
@@ -240,7 +249,7 @@ def _elevation_scaler(mission: StoredMission) -> tuple[float, float]:
     return float(pilot.mean()), float(pilot.std())
 
 
-def _pilot_box(mission: StoredMission) -> tuple[Floats, Floats]:
+def pilot_box(mission: StoredMission) -> tuple[Floats, Floats]:
     """Corners of the bounding box of the pilot's measurements, shape (2,) each."""
     pilot = mission.x[: mission.n_pilot][mission.told[: mission.n_pilot]]
     return pilot.min(axis=0), pilot.max(axis=0)
@@ -248,7 +257,7 @@ def _pilot_box(mission: StoredMission) -> tuple[Floats, Floats]:
 
 def _scaled(mission: StoredMission, places: pd.DataFrame) -> Floats:
     """Positions in units of the pilot's bounding box, shape (n, 2)."""
-    low, high = _pilot_box(mission)
+    low, high = pilot_box(mission)
     scaled: Floats = 2.0 * (places[["x1", "x2"]].to_numpy() - low) / (high - low) - 1.0
     return scaled
 
@@ -403,12 +412,14 @@ def check_final_model(mission: StoredMission) -> str | Partial:
 
 
 def check_stretches(mission: StoredMission) -> str | Partial:
-    """Check the cross-validated scores of a survey at its end by scikit-learn."""
-    if mission.option("model.name") != "gp":
-        return Partial("", "the cross-validated scores, but for those of model=gp")
+    """Check the cross-validated scores of a survey at its end by other libraries."""
+    name = mission.option("model.name")
+    if name not in ("gp", "vecchia"):
+        return Partial("", "the cross-validated scores, but for those of model=gp and vecchia")
+    predict = _predicted if name == "gp" else _predicted_by_neighbours
     last, table = len(mission.curves) - 1, mission.tables["stretches"]
     stored = table[table["epoch"] == last].reset_index(drop=True)
-    state, (x, y) = mission.curves.iloc[last], scaled_samples(mission)
+    state, y = mission.curves.iloc[last], scaled_samples(mission)[1]
     scale, used = _elevation_scaler(mission)[1], mission.samples["used"].to_numpy()
     part = np.arange(len(used)) * len(stored) // len(used)
     tolerance = _precision(mission) * scale
@@ -420,17 +431,39 @@ def check_stretches(mission: StoredMission) -> str | Partial:
             continue
         sources = {"rmse": used & ~here, "rmse_unfiltered": mission.told & (part != number)}
         for name, source in sources.items():
-            model = GaussianProcessRegressor(
-                reference_kernel(mission, state),
-                alpha=state["noise_std"] ** 2 + state["jitter"],
-                optimizer=None,
-            ).fit(x[source], y[source])
-            error = scale * (model.predict(x[here]) - y[here])
+            error = scale * (predict(mission, state, source, here) - y[here])
             demand_close(
                 f"the {name} of stretch {number}, sample", np.array([row[name]]),
                 np.sqrt(np.mean(error**2)), tolerance,
             )  # fmt: skip
     return f"{len(stored)} stretches predicted from the others, RMSE within {tolerance:.1g}"
+
+
+def _predicted(
+    mission: StoredMission, state: "pd.Series[Any]", source: Booleans, asked: Booleans
+) -> Floats:
+    """Predict some samples from others by scikit-learn's Gaussian process, scaled units."""
+    x, y = scaled_samples(mission)
+    model = GaussianProcessRegressor(
+        reference_kernel(mission, state),
+        alpha=state["noise_std"] ** 2 + state["jitter"],
+        optimizer=None,
+    ).fit(x[source], y[source])
+    return np.asarray(model.predict(x[asked]), dtype=np.float64)
+
+
+def _predicted_by_neighbours(
+    mission: StoredMission, state: "pd.Series[Any]", source: Booleans, asked: Booleans
+) -> Floats:
+    """Do as `_predicted` for the process of nearest neighbours, by its definition."""
+    x, y = scaled_samples(mission)
+    learned, units = state[["lengthscale_1", "lengthscale_2"]].to_numpy(dtype=float), np.ones(2)
+    if abs(np.log(learned[0] / learned[1])) > np.log(neighbours.OTHER_RATIO):
+        units = learned
+    return neighbours.predict(
+        x, y, reference_kernel(mission, state), state["noise_std"] ** 2 + state["jitter"],
+        np.flatnonzero(source), x[asked], units, int(mission.option("model.prediction_neighbours")),
+    )[0]  # fmt: skip
 
 
 def check_earlier_models(mission: StoredMission) -> str | Partial:

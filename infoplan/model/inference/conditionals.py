@@ -30,9 +30,10 @@ class Conditionals(NamedTuple):
         derivatives of c, and the sum over equal ones.
     information
         (x, y, constants, variance, noise, members, starts, neighbours, scratch, position, weights,
-        precision): adds to `weights` and `precision` those of the joint distribution of all data,
-        Q y and Q, at the data whose `position` is not negative; tells whether all factorisations
-        succeeded.
+        first, columns, precision): adds to `weights` and `precision` those of the joint
+        distribution of all data, Q y and Q, at the data whose `position` is not negative; row i of
+        Q is in `precision` from `first[i]` on, in the `columns` there; tells whether all
+        factorisations succeeded.
 
     `x` has shape (2, n), `noise` is sigma^2 + jitter, blocks are as in
     `infoplan.model.inference.neighbours.Blocks`, and `scratch` is an empty array of the dtype to
@@ -198,6 +199,8 @@ def conditionals_of(kernel: Kernel) -> Conditionals:
         scratch: np.ndarray,
         position: np.ndarray,
         weights: np.ndarray,
+        first: np.ndarray,
+        columns: np.ndarray,
         precision: np.ndarray,
     ) -> bool:
         longest = np.max(starts[1:] - starts[:-1])
@@ -206,7 +209,7 @@ def conditionals_of(kernel: Kernel) -> Conditionals:
         factor = np.empty((most, most), scratch.dtype)
         rows = np.empty((longest, most), scratch.dtype)
         residuals = np.empty(most, scratch.dtype)
-        places = np.empty(most, np.int64)
+        places, slots = np.empty(most, np.int64), np.empty((most, most), np.int64)
         for b in range(starts.size - 1):
             block = members[starts[b] : starts[b + 1]]
             c = 0
@@ -228,13 +231,18 @@ def conditionals_of(kernel: Kernel) -> Conditionals:
             if not _factorise(factor, residuals, n):
                 return False
             _whitening(factor, c, n, rows)
+            for i in range(n):
+                for j in range(n if places[i] >= 0 else 0):
+                    if places[j] >= 0:
+                        begin, end = first[places[i]], first[places[i] + 1]
+                        slots[i, j] = begin + np.searchsorted(columns[begin:end], places[j])
             for r in range(block.size):
                 for i in range(c + r + 1):
                     if places[i] >= 0:
                         weights[places[i]] += rows[r, i] * residuals[c + r]
                         for j in range(c + r + 1):
                             if places[j] >= 0:
-                                precision[places[i], places[j]] += rows[r, i] * rows[r, j]
+                                precision[slots[i, j]] += rows[r, i] * rows[r, j]
         return True
 
     return Conditionals(likelihood, information)

@@ -146,6 +146,118 @@ def extended(before: Blocks, new: list[Integers], x: np.ndarray) -> Blocks:
     return Blocks(members, starts, np.concatenate([before.neighbours, found]))
 
 
+def pattern(blocks: Blocks, position: Integers, count: int) -> tuple[Integers, Integers]:
+    """Say where the precision of the data is not zero: between those that share a block.
+
+    Parameters
+    ----------
+    blocks
+        Of all data; a block's neighbours belong to it.
+    position : ndarray of int, shape (n,)
+        Row of the precision that each datum has; -1: none.
+    count
+        Number of rows.
+
+    Returns
+    -------
+    first : ndarray of int, shape (count + 1,)
+        Where in `columns` each row starts, and the end.
+    columns : ndarray of int
+        Ascending in each row.
+    """
+    sizes = np.diff(blocks.starts)
+    of_block = np.concatenate(
+        [
+            np.repeat(np.arange(len(blocks)), sizes),
+            np.repeat(np.arange(len(blocks)), blocks.neighbours.shape[1]),
+        ]
+    )
+    places = np.concatenate([blocks.members, blocks.neighbours.ravel()])
+    places = np.where(places < 0, -1, position[places])
+    of_block, places = of_block[places >= 0], places[places >= 0]
+    by_block, by_place = np.argsort(of_block, kind="stable"), np.argsort(places, kind="stable")
+    return _pattern(
+        places[by_block], np.searchsorted(of_block[by_block], np.arange(len(blocks) + 1)),
+        of_block[by_place], np.searchsorted(places[by_place], np.arange(count + 1)),
+    )  # fmt: skip
+
+
+@kernel()
+def _pattern(
+    places: np.ndarray, starts: np.ndarray, blocks: np.ndarray, begins: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gather the places of each block, and the blocks of each place, to a row for each place."""
+    count = begins.size - 1
+    seen, row = np.full(count, -1), np.empty(count, np.int64)
+    first = np.zeros(count + 1, np.int64)
+    columns = np.empty(64, np.int64)
+    for i in range(count):
+        length = 0
+        for block in blocks[begins[i] : begins[i + 1]]:
+            for place in places[starts[block] : starts[block + 1]]:
+                if seen[place] != i:
+                    seen[place] = i
+                    row[length] = place
+                    length += 1
+        first[i + 1] = first[i] + length
+        if first[i + 1] > columns.size:
+            longer = np.empty(2 * first[i + 1], np.int64)
+            longer[: first[i]] = columns[: first[i]]
+            columns = longer
+        columns[first[i] : first[i + 1]] = np.sort(row[:length])
+    return first, columns[: first[count]].copy()
+
+
+_CHUNK = 64
+"""Data that are passed over together where all of them are too far."""
+
+
+@kernel()
+def _box(x: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
+    """Bounds of some places: least and greatest of each coordinate."""
+    low1, high1, low2, high2 = np.inf, -np.inf, np.inf, -np.inf
+    for j in range(first, last):
+        low1, high1 = min(low1, x[0, j]), max(high1, x[0, j])
+        low2, high2 = min(low2, x[1, j]), max(high2, x[1, j])
+    return low1, high1, low2, high2
+
+
+@kernel()
+def _gap(one: tuple[float, float, float, float], other: np.ndarray) -> float:
+    """Squared distance of two boxes: rounded, too, no more than that of any two of their places."""
+    d1 = max(max(one[0] - other[1], other[0] - one[1]), 0.0)
+    d2 = max(max(one[2] - other[3], other[2] - one[3]), 0.0)
+    return d1 * d1 + d2 * d2
+
+
+@kernel()
+def _sort_in(
+    x: np.ndarray,
+    places: np.ndarray,
+    first: int,
+    last: int,
+    count: int,
+    distances: np.ndarray,
+    row: np.ndarray,
+) -> int:
+    """Sort data into the nearest found so far, `count` of them; returns how many there are then."""
+    most = distances.size
+    for j in range(first, last):
+        nearest = np.inf
+        for i in range(places.shape[1]):
+            d1, d2 = places[0, i] - x[0, j], places[1, i] - x[1, j]
+            nearest = min(nearest, d1 * d1 + d2 * d2)
+        if count == most and not (most and nearest < distances[most - 1]):
+            continue
+        place = min(count, most - 1)
+        count = min(count + 1, most)
+        while place > 0 and distances[place - 1] > nearest:
+            distances[place], row[place] = distances[place - 1], row[place - 1]
+            place -= 1
+        distances[place], row[place] = nearest, j
+    return count
+
+
 @kernel()  # without fast mathematics: which of two is nearer must not depend on the processor
 def find_neighbours(
     x: np.ndarray, places: np.ndarray, starts: np.ndarray, available: np.ndarray, out: np.ndarray
@@ -168,19 +280,30 @@ def find_neighbours(
     """
     most = out.shape[1]
     distances = np.empty(most)
+    boxes = np.empty((-(-x.shape[1] // _CHUNK), 4))
+    for chunk in range(len(boxes)):
+        boxes[chunk] = _box(x, chunk * _CHUNK, min((chunk + 1) * _CHUNK, x.shape[1]))
+    enough = -(-most // _CHUNK)
     for group in range(available.size):
-        row = out[group]
+        there, mine = available[group], places[:, starts[group] : starts[group + 1]]
+        around = _box(mine, 0, mine.shape[1])
+        # The chunks about the nearest one have enough: what is farther than all of those is not
+        # among the nearest, and a chunk whose box is farther need not be looked at.
+        farthest, whole = np.inf, there // _CHUNK
+        if 0 < enough <= whole:
+            best, least = 0, np.inf
+            for chunk in range(whole):
+                gap = _gap(around, boxes[chunk])
+                if gap < least:
+                    best, least = chunk, gap
+            lowest = min(max(best - enough // 2, 0), whole - enough)
+            first, last = lowest * _CHUNK, (lowest + enough) * _CHUNK
+            _sort_in(x, mine, first, last, 0, distances, out[group])
+            farthest = distances[most - 1]
         count = 0
-        for j in range(available[group]):
-            nearest = np.inf
-            for i in range(starts[group], starts[group + 1]):
-                d1, d2 = places[0, i] - x[0, j], places[1, i] - x[1, j]
-                nearest = min(nearest, d1 * d1 + d2 * d2)
-            if count == most and not (most and nearest < distances[most - 1]):
-                continue
-            place = min(count, most - 1)
-            count = min(count + 1, most)
-            while place > 0 and distances[place - 1] > nearest:
-                distances[place], row[place] = distances[place - 1], row[place - 1]
-                place -= 1
-            distances[place], row[place] = nearest, j
+        for chunk in range(-(-there // _CHUNK)):
+            if count == most and most:
+                farthest = min(farthest, distances[most - 1])
+            if _gap(around, boxes[chunk]) <= farthest:
+                first, last = chunk * _CHUNK, min((chunk + 1) * _CHUNK, there)
+                count = _sort_in(x, mine, first, last, count, distances, out[group])

@@ -12,11 +12,19 @@ from typing import Any, TypeVar
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
+from scipy.sparse import csr_array
 
 from infoplan.errors import RunError
 from infoplan.model.covariance import Sums, passes_of
 from infoplan.model.inference.conditionals import conditionals_of
-from infoplan.model.inference.neighbours import Blocks, build, cut, extended, find_neighbours
+from infoplan.model.inference.neighbours import (
+    Blocks,
+    build,
+    cut,
+    extended,
+    find_neighbours,
+    pattern,
+)
 from infoplan.model.kernel import Kernel
 from infoplan.model.theta import (
     Parameters,
@@ -205,6 +213,13 @@ class VecchiaInference:
     def weights_and_inverse(
         self, theta: np.ndarray, chosen: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Do as `weights_and_sparse_inverse`, with all zeros of the inverse."""
+        weights, inverse = self.weights_and_sparse_inverse(theta, chosen)
+        return weights, inverse.toarray()
+
+    def weights_and_sparse_inverse(
+        self, theta: np.ndarray, chosen: np.ndarray
+    ) -> tuple[np.ndarray, csr_array]:
         """Weights of some data, and their part of the inverse covariance of all.
 
         Both are those of the joint distribution whose density the likelihood is.
@@ -220,16 +235,20 @@ class VecchiaInference:
         -------
         weights : ndarray of shape (c,)
             Of K_y^-1 y.
-        inverse : ndarray of shape (c, c)
-            Of K_y^-1.
+        inverse : sparse array of shape (c, c)
+            Of K_y^-1, by rows, with sorted columns.
         """
         position = np.full(self.n_data, -1)
         position[chosen] = np.arange(len(chosen))
+        first, columns = pattern(self.blocks, position, len(chosen))
 
-        def attempt() -> tuple[np.ndarray, np.ndarray] | None:
-            weights, inverse = np.zeros(len(chosen)), np.zeros((len(chosen), len(chosen)))
-            done = self._conditionals.information(*self._data(theta), position, weights, inverse)
-            return (weights, inverse) if done else None
+        def attempt() -> tuple[np.ndarray, csr_array] | None:
+            weights, values = np.zeros(len(chosen)), np.zeros(len(columns))
+            done = self._conditionals.information(
+                *self._data(theta), position, weights, first, columns, values
+            )
+            shape = (len(chosen), len(chosen))
+            return (weights, csr_array((values, columns, first), shape)) if done else None
 
         return self._until_positive(theta, attempt)
 
