@@ -108,16 +108,17 @@ def choose_waypoints(x: Floats, area: Area, tolerance: float) -> tuple[NDArray[n
     def is_free(chosen: NDArray[np.int64]) -> bool:
         return area.obstacles.meet(x[chosen]) is None
 
-    wider = [tolerance * 2.0**k for k in range(WIDENED + 1)]
-    narrower = [tolerance / 2.0**k for k in range(1, NARROWED + 1)]
-    for one in wider:
-        chosen = thinned(x, one)
-        if len(chosen) <= MOST_ITEMS and is_free(chosen):
-            return chosen, one
-    for one in (tolerance, *narrower):
-        if is_free(chosen := thinned(x, one)):
-            return chosen, one
-    return np.arange(len(x)), 0.0
+    best, taken = np.arange(len(x)), 0.0
+    for halved in range(NARROWED + 1):
+        if is_free(chosen := thinned(x, tolerance / 2.0**halved)):
+            best, taken = chosen, tolerance / 2.0**halved
+            break
+    for doubled in range(1, WIDENED + 1):
+        if len(best) <= MOST_ITEMS:
+            break
+        if is_free(chosen := thinned(x, tolerance * 2.0**doubled)):
+            best, taken = chosen, tolerance * 2.0**doubled
+    return best, taken
 
 
 def write_track(folder: Path, planned: Planned) -> list[Path]:
