@@ -125,7 +125,7 @@ def test_audit_and_replay_know_the_logs(done, capsys):
     ("column", "row", "value", "sentence"),
     [
         ("verdict", SPIKE, "cleared", "is called cleared, its neighbours make it confirmed"),
-        ("verdict", 3, "untested", "sample 3 is called untested, its neighbours make it None"),
+        ("verdict", 120, "untested", "sample 120 is called untested, its neighbours make it None"),
         ("flagged_first", ROCK, False, f"sample {ROCK} has flagged_first False, judged again True"),
         ("row", 4, 5, "sample 5 is told twice"),
         ("log", 20, "june", "sample 21 is of a log that had ended"),
