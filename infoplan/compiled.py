@@ -36,13 +36,13 @@ SOURCES = (
     *sorted(f"model/kernels/{file.name}" for file in (_PACKAGE / "model/kernels").glob("*.py")),
     "model/packed.py",
     "model/stationary.py",
-    "obstacles.py",
     "plan/pareto.py",
     "plan/reward_maps.py",
     "plan/rig_tree.py",
     "plan/tree_search.py",
     "plan/waypoints.py",
     "robot.py",
+    "walls.py",
 )
 """All modules with kernels: a kernel holds the machine code of those that it calls."""
 
