@@ -168,15 +168,18 @@ def model(started: float, sizes: list[int]) -> dict[str, Any]:
     return results
 
 
-def neighbours(started: float, sizes: list[int], largest: int, rival: int) -> dict[str, Any]:
-    """Time the process of nearest neighbours alone, and beside others."""
-    from benchmarks import gp, neighbours
+def one_size(started: float, n: int, kind: str) -> dict[str, float]:
+    """Time and memory of a model of n samples, ``gp`` or ``vecchia``."""
+    from benchmarks import neighbours
 
-    growth = neighbours.growth(sizes)
+    return neighbours.one_size(n, kind)
+
+
+def neighbours(started: float, largest: int, rival: int) -> dict[str, Any]:
+    """Time the process of nearest neighbours on a long log, and beside others."""
+    from benchmarks import neighbours
+
     return {
-        "growth": growth,
-        "time_exponent": gp.exponent(growth, "iteration_seconds"),
-        "memory_exponent": gp.exponent(growth, "peak_mib"),
         "at_once": neighbours.at_once(largest, iterations=200),
         "rivals": neighbours.rivals(rival, iterations=60),
     }
@@ -227,6 +230,7 @@ JOBS = {
         replays,
         worker_memory,
         model,
+        one_size,
         neighbours,
         tree_search,
         rates,
