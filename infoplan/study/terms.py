@@ -11,8 +11,13 @@ ADDED_LATER = {
     "model.lengthscale_prior": None,
     "model.noise_prior": None,
     "model.restarts": 0,
+    "model.noise_start": "carried",
+    "model.optimizer_state": "carried",
     "planner.reward": "std",
     "planner.kappa": 2.0,
+    "planner.rollout_step": "action",
+    "planner.average": "driven",
+    "planner.border": "struck",
     "terrain.obstacles": [],
 }
 """Options of groups that runs of earlier versions have not stored, and what they flew with.
