@@ -352,6 +352,9 @@ class DetectorConfig:
     scope: str = option(
         "batch", "judge the new batch, or re-judge all data", choices=("batch", "historical")
     )
+    judge_pilot: bool = option(
+        False, "judge the pilot samples, too, before the model learns from them"
+    )
 
 
 @dataclass
@@ -737,6 +740,11 @@ class SpikeConfig(FaultConfig):
         at_least=0,
         at_most=1,
         length=2,
+    )
+    draw: str = option(
+        "spike",
+        "amplitude and sign are drawn for each spike, or once for all of a batch",
+        choices=("spike", "batch"),
     )
 
 

@@ -373,18 +373,17 @@ def simulate(tree: Tree, leaf: int, problem: _Problem, scratch: _Scratch) -> Non
     ``scratch.reward`` goes from the sum of the expansion to the mean over all actions.
     """
     pose = (tree.pose[leaf, 0], tree.pose[leaf, 1], tree.pose[leaf, 2])
-    steps = 0
+    ahead = 0
     for _ in range(problem.rollouts):
         pose, stays = _drive(pose, 0.0, problem.rollout_samples, problem, scratch.gain)
         if not stays:
             break
-        steps += 1
+        ahead += problem.rollout_samples
         for d in range(scratch.reward.shape[0]):
             scratch.reward[d] += scratch.gain[d]
     if problem.planned:
-        steps = problem.rollouts
-    length = problem.samples_per_action
-    actions = (length + steps * problem.rollout_samples) / length
+        ahead = problem.rollouts * problem.rollout_samples
+    actions = (problem.samples_per_action + ahead) / problem.samples_per_action
     for d in range(scratch.reward.shape[0]):
         scratch.reward[d] /= actions
 
