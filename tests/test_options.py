@@ -1,18 +1,14 @@
 """Every option exists under its name, has its default, and changes a mission."""
 
 import copy
-import re
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from flown import fly
 
-import infoplan
-from infoplan.config import METHODS, Config, CopodConfig, MissionConfig, TerrainConfig, validate
+from infoplan.config import METHODS, Config, CopodConfig, MissionConfig, TerrainConfig
 from infoplan.options import walk, with_values
 from infoplan.terrain import load_terrain
 
@@ -447,39 +443,6 @@ def test_option_of_a_choice_changes_the_mission(group, choice, name):
 def test_the_choices_of_a_group_are_different_missions(group, choice):
     assert differ(base_numbers(), numbers_of(group, choice))
     assert not differ(numbers_of(group, choice), numbers(base_of(group, choice)))
-
-
-def readings(column: int) -> list[str]:
-    """Options with their values in a column of the table of choices."""
-    page = Path(__file__).parents[1] / "docs" / "choices.md"
-    rows = [line for line in page.read_text("utf-8").splitlines() if line.startswith("|")]
-    cells = [row.split("|")[column] for row in rows if row.count("|") == 4]
-    return [text for cell in cells for text in re.findall(r"`([a-z_.]+=[^`]+)`", cell)]
-
-
-def test_the_table_of_choices_tells_the_defaults():
-    told = readings(2)
-    assert len(told) > 25
-    assert infoplan.configure(*[one for one in told if one != "seeds=10"]) == infoplan.configure()
-
-
-def test_every_other_reading_of_the_table_can_be_chosen():
-    told, seen = readings(3), [Config()]
-    assert len(told) > 20
-    for one in told:
-        name, _, value = one.partition("=")
-        config = changed(Config(), name, yaml.safe_load(value))
-        validate(config)
-        assert config not in seen, one
-        seen.append(config)
-
-
-def test_readings_can_be_joined_in_one_universe():
-    alone = {one.partition("=")[0]: one for one in readings(3) if one != "model.iterations=0"}
-    config = infoplan.configure(*alone.values())
-    assert config.planner.border == "terminal"
-    assert config.model.noise_start == "restarted"
-    assert config.detector.judge_pilot
 
 
 @pytest.mark.parametrize("rule", ["floor", "round"])
