@@ -198,7 +198,7 @@ def _c12(e: Numbers) -> list[Comparison]:
     return [pair(e, "returned", PUCT, UCT, HIGHER)]
 
 
-COMPARISONS: dict[str, Callable[[Measures], list[Comparison]]] = {
+COMPARISONS: dict[str, Callable[[Numbers], list[Comparison]]] = {
     "C1": _c1,
     "C2": _c2,
     "C3": _c3,
