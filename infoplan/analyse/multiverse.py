@@ -126,10 +126,9 @@ def claim_curves(multiverse: Multiverse, names: Sequence[str] = tuple(TEXTS)) ->
         Of the claims of which some universe has the runs.
     """
     universes = [universe.name for universe in multiverse.universes]
-    made = {universe: multiverse.of(universe) for universe in universes}
     curves = []
     for name in names:
-        compared = {one: corrected(COMPARISONS[name](made[one])) for one in universes}
+        compared = {one: corrected(COMPARISONS[name](multiverse.numbers[one])) for one in universes}
         there = {one: items for one, items in compared.items() if not any(i.lacks for i in items)}
         if there:
             curves.append(_curve(name, there))

@@ -4,6 +4,7 @@ import json
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -73,12 +74,14 @@ class Multiverse:
         there = set(self.missions["universe"])
         return [one for one in universes() if one.name in there]
 
-    def of(self, universe: str) -> "OfUniverse":
-        """Give the numbers of one universe, as claims are judged by."""
-        chosen = self.missions[self.missions["universe"] == universe]
-        grouped: Any = chosen.groupby(["method", "rho", "scope"])
-        by_run = {key: rows.set_index("seed") for key, rows in grouped}
-        return OfUniverse(by_run, self.unit, self.margin)
+    @cached_property
+    def numbers(self) -> dict[str, "OfUniverse"]:
+        """The numbers of each universe, as claims are judged by."""
+        runs: dict[str, dict[tuple[str, float, str], pd.DataFrame]] = {}
+        grouped: Any = self.missions.set_index("seed").groupby(list(LABELS[:-1]), sort=False)
+        for (universe, method, rho, scope), rows in grouped:
+            runs.setdefault(universe, {})[method, rho, scope] = rows
+        return {name: OfUniverse(found, self.unit, self.margin) for name, found in runs.items()}
 
 
 @dataclass(frozen=True)
@@ -148,7 +151,8 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
 
 def write(multiverse: Multiverse, path: Path) -> None:
     """Write the missions as Parquet, with what they have in common in its metadata."""
-    about = {name: value for name, value in vars(multiverse).items() if name != "missions"}
+    about = {name: value for name, value in vars(multiverse).items()
+             if name not in ("missions", "numbers")}  # fmt: skip
     table = pa.Table.from_pandas(multiverse.missions, preserve_index=False)
     for place, field in enumerate(table.schema):
         if field.type == pa.list_(pa.float64()):
