@@ -1,6 +1,6 @@
 """What is believed of a terrain that nobody sees, and where to go next."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -71,7 +71,7 @@ class Belief:
         The detector's last verdict on each; never judged: False and NaN. Samples without a
         measurement, NaN, are flagged at once, and neither detector nor model gets them.
     judged
-        Which of them the last epoch has judged.
+        Which of them the last epoch has judged; after the pilot none, or all if they were.
     epoch
         Number of decisions whose samples are in.
     model
@@ -125,11 +125,13 @@ class Belief:
                 f"model needs {LEAST}: make rho smaller or pilot.samples larger"
             )
         self.epochs, self.flagged, self.score = _unjudged(pilot, 0)
-        self._flag_counts: NDArray[Any] = count_flags(pilot.x[self.flagged], extent, self._shape)
         self.judged = slice(0, 0)
         with self._timed("fit"):
             self.model = new_model(pilot.x[told], pilot.measured[told])
             self.model.optimize(config.model.pilot_iterations)
+        if config.detector.judge_pilot:
+            self._judge_pilot(partial(new_model, pilot.x[told], pilot.measured[told]))
+        self._flag_counts: NDArray[Any] = count_flags(pilot.x[self.flagged], extent, self._shape)
         self.mean, self.std, self.lml = self._predict()
 
     @property
@@ -234,6 +236,27 @@ class Belief:
         plan = self._planner(situation, rng)
         checked = checked_actions(plan, situation, method_label(self.config.planner))
         return checked[: self.config.planner.execute_actions]
+
+    def _judge_pilot(self, new_model: Callable[[], Any]) -> None:
+        """Ask for a verdict on the pilot, and let a new model learn from what is not flagged.
+
+        The detector may ask the model of the whole pilot. The scalers are of the whole pilot, too.
+        """
+        self.judged = slice(0, None)
+        with self._timed("detect"):
+            self._judge()
+        kept, first_fit = ~self.flagged, self.seconds["fit"]
+        if kept.sum() < LEAST:
+            raise RunError(
+                f"{method_label(self.config.detector)} leaves {kept.sum()} of the {len(kept)} "
+                f"samples of the pilot, and the model needs {LEAST}: use "
+                "detector.judge_pilot=false, or another detector"
+            )
+        with self._timed("fit"):
+            self.model = new_model()
+            self.model.replace(self.readings.x[kept], self.readings.measured[kept])
+            self.model.optimize(self.config.model.pilot_iterations)
+        self.seconds["fit"] += first_fit
 
     def _judge(self) -> None:
         """Ask the detector for its verdict on the samples that are to be judged."""

@@ -216,12 +216,28 @@ class TreeSearchConfig(GatheringConfig):
 
     name: str = option("puct", "tree policy", choices=("uct", "puct"))
     iterations: int = option(500, "tree search iterations a decision", at_least=1, at_most=10**9)
-    rollouts: int = option(5, "straight actions of a rollout", at_least=0, at_most=10**6)
+    rollouts: int = option(5, "straight steps of a rollout", at_least=0, at_most=10**6)
+    rollout_step: str = option(
+        "action", "length of such a step: an action, or to the next sample",
+        choices=("action", "sample"),
+    )  # fmt: skip
     exploration: float = option(
         0.3,
         "C of the (Pareto) UCB, times the largest mean among the children",
         at_least=0,
         at_most=1e12,
+    )
+    average: str = option(
+        "driven",
+        "what the reward of a rollout that meets the border is divided by: the actions driven "
+        "before it, or all that were planned",
+        choices=("driven", "planned"),
+    )
+    border: str = option(
+        "struck",
+        "an action over the border is struck from the tree at no cost, or for a visit, or leads "
+        "to a terminal node without reward",
+        choices=("struck", "visit", "terminal"),
     )
     noisy_std: bool = option(False, "reward includes the learned noise in the deviation")
 
@@ -335,6 +351,9 @@ class DetectorConfig:
     name: str = option("none", "detector", choices=("none", "best"))
     scope: str = option(
         "batch", "judge the new batch, or re-judge all data", choices=("batch", "historical")
+    )
+    judge_pilot: bool = option(
+        False, "judge the pilot samples, too, before the model learns from them"
     )
 
 
@@ -509,6 +528,24 @@ class GuardedConfig(ModelConfig):
     )  # fmt: skip
 
 
+def _noise_start() -> Any:
+    """Declare where an epoch's learning begins."""
+    return option(
+        "carried",
+        "where the noise variance starts in every epoch: as learned so far, or at its start value",
+        choices=("carried", "restarted"),
+    )
+
+
+def _optimizer_state() -> Any:
+    """Declare what an epoch's learning knows of those before."""
+    return option(
+        "carried",
+        "what the optimiser remembers of earlier epochs: moments or curvature are kept, or reset",
+        choices=("carried", "reset"),
+    )
+
+
 @dataclass
 class GaussianNoiseConfig(ModelConfig):
     """What Gaussian processes with a noise variance have; hyperparameters in scaled units."""
@@ -532,6 +569,8 @@ class GpConfig(GuardedConfig, GaussianNoiseConfig):
     """Gaussian process regression; hyperparameters in scaled units."""
 
     name: str = option("gp", "model", choices=("gp",))
+    noise_start: str = _noise_start()
+    optimizer_state: str = _optimizer_state()
     dtype: str = option("float64", "precision of the matrices", choices=("float64", "float32"))
 
 
@@ -581,6 +620,8 @@ class StudentTConfig(GuardedConfig):
         "adam", "maximises the log marginal likelihood", choices=("adam", "lbfgs")
     )
     learning_rate: float = option(0.01, "Adam's step on the logarithms", above=0, at_most=1)
+    noise_start: str = _noise_start()
+    optimizer_state: str = _optimizer_state()
 
 
 @dataclass
@@ -588,6 +629,8 @@ class RcgpConfig(GaussianNoiseConfig):
     """Robust and conjugate Gaussian process regression: data far from a centre count less."""
 
     name: str = option("rcgp", "model", choices=("rcgp",))
+    noise_start: str = _noise_start()
+    optimizer_state: str = _optimizer_state()
     outlier_fraction: float = option(
         0.2, "share of the samples expected far from the centre", above=0, below=1
     )
@@ -641,6 +684,8 @@ class RelevancePursuitConfig(GaussianNoiseConfig):
     """Gaussian process regression with noise of their own for samples that need it."""
 
     name: str = option("relevance_pursuit", "model", choices=("relevance_pursuit",))
+    noise_start: str = _noise_start()
+    optimizer_state: str = _optimizer_state()
     outlier_fraction: float = option(
         0.2, "share of the samples expected to need it: mean of the prior", above=0, at_most=1
     )
@@ -695,6 +740,11 @@ class SpikeConfig(FaultConfig):
         at_least=0,
         at_most=1,
         length=2,
+    )
+    draw: str = option(
+        "spike",
+        "amplitude and sign are drawn for each spike, or once for all of a batch",
+        choices=("spike", "batch"),
     )
 
 
@@ -1152,6 +1202,12 @@ def validate(config: MissionConfig) -> None:
     iterations = config.model.iterations
     if isinstance(iterations, bool) or not isinstance(iterations, int | str):
         raise UsageError(f"model.iterations={iterations} must be a whole number or per_sample")
+    for name, other in (("noise_start", "restarted"), ("optimizer_state", "reset")):
+        if iterations == 0 and getattr(config.model, name, "") == other:
+            raise UsageError(
+                f"model.{name}={other} has no use with model.iterations=0, which leaves the "
+                f"hyperparameters as the pilot made them: leave model.{name}=carried"
+            )
     points = config.pilot.control_points
     if len(points) < 2 or any(len(point) != 2 for point in points):
         raise UsageError(

@@ -28,7 +28,7 @@ OWN = (OwnPlannerConfig, OwnDetectorConfig, OwnModelConfig, OwnFaultConfig)
 
 OF_THE_MISSION = {
     "planner": ("name", "execute_actions", "smoothing", "reward", "kappa", "noisy_std"),
-    "detector": ("name", "scope"),
+    "detector": ("name", "scope", "judge_pilot"),
     "model": ("name", "pilot_iterations", "iterations"),
     "fault": ("name",),
 }
@@ -175,6 +175,20 @@ def stored_methods(config: MissionConfig) -> dict[str, dict[str, Any]]:
     return described
 
 
+def stored_choice(values: Mapping[str, Any]) -> str:
+    """Name the choice of its group that a method of a run's YAML is, a key of `METHODS`.
+
+    Parameters
+    ----------
+    values
+        What `stored_methods` gave for its group.
+    """
+    if "function" in values:
+        return "own"
+    name = str(values["name"])
+    return "pyod" if name.startswith("pyod_") else name
+
+
 def method_from_stored(group: str, values: Mapping[str, Any]) -> Any:
     """Read a group of a run's YAML back into its dataclass.
 
@@ -194,11 +208,7 @@ def method_from_stored(group: str, values: Mapping[str, Any]) -> Any:
     KeyError, TypeError
         If an option is missing or unknown.
     """
-    name = values["name"]
-    if "function" in values:
-        name = "own"
-    elif name.startswith("pyod_"):
-        name = "pyod"
+    name = stored_choice(values)
     if name not in METHODS[group]:
         raise KeyError(f"{group}={name}")
     schema = METHODS[group][name]

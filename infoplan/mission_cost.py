@@ -169,7 +169,8 @@ def seconds_of(config: MissionConfig) -> float:
         operations += epochs * (nodes**2 * budget / 2 + nodes**3)
     along = robot.samples_per_action
     if isinstance(planner, TreeSearchConfig):
-        step = (1 + planner.rollouts) * along * STEP_SECONDS
+        ahead = planner.rollouts * (along if planner.rollout_step == "action" else 1)
+        step = (along + ahead) * STEP_SECONDS
         planning = planner.iterations * (step + robot.steering_angles * CHOICE_SECONDS)
     elif isinstance(planner, CmaesConfig):
         step = robot.steering_angles * along * STEP_SECONDS

@@ -92,6 +92,19 @@ def test_amplitude_and_quantiles_are_used():
     np.testing.assert_allclose(np.abs(spiked - batch)[is_outlier], 150.0)
 
 
+def test_spikes_of_a_batch_may_share_amplitude_and_sign():
+    batch, rng, sizes = np.zeros(40) + np.arange(40), np.random.default_rng(0), []
+    for _ in range(200):
+        spiked, is_outlier = add_spikes(batch, 0.25, rng, draw="batch")
+        size = (spiked - batch)[is_outlier]
+        np.testing.assert_allclose(size, size[0])
+        sizes.append(size[0])
+    low, high = np.quantile(batch, [0.05, 0.95])
+    assert (high - low) <= np.abs(sizes).min() < 1.05 * (high - low)
+    assert 1.95 * (high - low) < np.abs(sizes).max() <= 2 * (high - low)
+    assert 70 < np.sum(np.array(sizes) > 0) < 130
+
+
 @dataclass
 class HoldConfig(FaultConfig):
     """A sensor that holds its last value, batch after batch."""

@@ -61,6 +61,72 @@ def test_batch_scope_never_judges_the_pilot(copod, volcano):
     assert np.isnan(pilot.score).all()
 
 
+@pytest.mark.parametrize("scope", ["batch", "historical"])
+def test_a_judged_pilot_teaches_the_model_what_is_not_flagged(copod, volcano, scope):
+    copod.pilot.outliers = True
+    copod.detector = CopodConfig(scope=scope, judge_pilot=True, contamination=0.2)
+    states = fly(copod, volcano)
+    pilot = states[0].samples
+    told, scores = DETECTORS["copod"](
+        Evidence(
+            pilot.x, pilot.measured, pilot.epoch, np.zeros(100, dtype=bool),
+            np.ones(100, dtype=bool), pilot.is_outlier,
+        ),
+        None, np.random.default_rng(0), contamination=0.2,
+    )  # fmt: skip
+    np.testing.assert_array_equal(pilot.flagged, told)
+    np.testing.assert_array_equal(pilot.score, scores)
+    row = states[0].row
+    assert row.accepted == np.sum(~told) == row.fn + row.tn
+    assert row.tp == np.sum(told & pilot.is_outlier) > 0
+    assert row.tp + row.fp == told.sum()
+    assert states[0].maps.outlier_density.sum() > 0
+
+    model = MODELS["gp"](pilot.x, pilot.measured)  # scaled by all of them
+    model.replace(pilot.x[~told], pilot.measured[~told])
+    model.optimize(copod.model.pilot_iterations)
+    learned = model.hyperparameters
+    assert row.amplitude == pytest.approx(learned.amplitude, rel=1e-9)
+    assert row.noise_std == pytest.approx(learned.noise_std, rel=1e-9)
+    mean, _ = model.predict(states[0].maps.x)
+    np.testing.assert_allclose(states[0].maps.mean, mean, rtol=1e-9)
+    # At scope batch the verdict stays, at scope historical all is judged again.
+    last = states[-1].samples.flagged[:100]
+    assert np.array_equal(last, told) == (scope == "batch")
+
+
+def test_the_best_detector_judges_the_pilot_where_that_is_asked_for(small, volcano):
+    small.pilot.outliers, small.budget = True, 160
+    small.detector = DetectorConfig(name="best", judge_pilot=True)
+    _, mission = flown(small, volcano)
+    np.testing.assert_array_equal(mission.samples.flagged, mission.samples.is_outlier)
+    assert mission.samples.flagged[:100].sum() == 10
+
+
+def test_a_detector_of_a_judged_pilot_may_ask_the_model_of_all_of_it(small, volcano, monkeypatch):
+    held, judge = [], DETECTORS["gp_residual"]
+
+    def spy(samples, model, rng, **options):
+        held.append(model.n_data)
+        return judge(samples, model, rng, **options)
+
+    monkeypatch.setitem(DETECTORS, "gp_residual", spy)
+    small.pilot.outliers, small.budget = True, 130
+    small.detector = replace(METHODS["detector"]["gp_residual"], judge_pilot=True, threshold=1.5)
+    rows, _ = flown(small, volcano)
+    assert held[0] == 100 > rows[0].accepted == held[1]
+
+
+def test_a_pilot_of_which_nothing_is_left_fails_in_one_sentence(small, volcano, monkeypatch):
+    def everything(samples, model, rng, **options):
+        return np.ones(len(samples), dtype=bool), np.zeros(len(samples))
+
+    monkeypatch.setitem(DETECTORS, "best", everything)
+    small.detector = DetectorConfig(name="best", judge_pilot=True)
+    with pytest.raises(RunError, match=r"best leaves 0 of the 100 samples of the pilot.*needs 3"):
+        fly(small, volcano)
+
+
 def test_historical_scope_judges_everything_again(copod, volcano):
     copod.detector.scope = "historical"
     rows, mission = flown(copod, volcano)

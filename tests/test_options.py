@@ -38,11 +38,16 @@ DEFAULTS = {
     "model.lengthscale_prior": None,
     "model.noise_prior": None,
     "model.restarts": 0,
+    "model.noise_start": "carried",
+    "model.optimizer_state": "carried",
     "planner.noisy_std": False,
     "planner.reward": "std",
     "planner.kappa": 2.0,
     "planner.iterations": 500,
     "planner.rollouts": 5,
+    "planner.rollout_step": "action",
+    "planner.average": "driven",
+    "planner.border": "struck",
     "planner.exploration": 0.3,
     "planner.execute_actions": None,
     "planner.smoothing": 2.0,
@@ -51,12 +56,21 @@ DEFAULTS = {
     "fault.quantiles": [0.05, 0.95],
     "detector.contamination": 0.1,
     "detector.score": "pyod",
+    "fault.draw": "spike",
     "detector.scope": "batch",
+    "detector.judge_pilot": False,
     "budget": 2000,
     "seeds": 10,
     "rho": 0.1,
 }
 
+READINGS_OF_THE_SEARCH = {
+    "planner.rollout_step": "sample",
+    "planner.average": "planned",
+    "planner.border": "terminal",
+}
+DETECTOR = {"detector.scope": "historical", "detector.judge_pilot": True}
+LEARNING = {"model.noise_start": "restarted", "model.optimizer_state": "reset"}
 CHANGES = {
     "terrain.extent": [0.0, 60.0, 0.0, 40.0],
     "terrain.unit": "m",
@@ -85,6 +99,7 @@ CHANGES = {
     "model.lengthscale_prior": [0.05, 0.1],
     "model.noise_prior": [0.01, 0.1],
     "model.restarts": 2,
+    **LEARNING,
     "model.dtype": "float32",
     "planner.name": "uct",
     "planner.noisy_std": True,
@@ -92,6 +107,7 @@ CHANGES = {
     "planner.kappa": 5.0,
     "planner.iterations": 60,
     "planner.rollouts": 1,
+    **READINGS_OF_THE_SEARCH,
     "planner.exploration": 2.0,
     "planner.execute_actions": 1,
     "planner.smoothing": 6.0,
@@ -100,7 +116,8 @@ CHANGES = {
     "fault.quantiles": [0.25, 0.75],
     "detector.contamination": 0.3,
     "detector.score": "paper",
-    "detector.scope": "historical",
+    "fault.draw": "batch",
+    **DETECTOR,
     "budget": 210,
     "rho": 0.4,
 }
@@ -112,7 +129,6 @@ GATHERING = {
     "planner.reward": "variance_reduction",
     "planner.kappa": 5.0,
 }
-DETECTOR = {"detector.scope": "historical"}
 MODEL = {"model.pilot_iterations": 10, "model.iterations": "per_sample"}
 NUMBERS_OF_THE_GP = {
     "model.amplitude": 2.0,
@@ -134,6 +150,7 @@ OF_THE_CHOICE = {
     ("planner", "uct"): {
         "planner.iterations": 60,
         "planner.rollouts": 1,
+        **READINGS_OF_THE_SEARCH,
         "planner.exploration": 2.0,
         **GATHERING,
         **PLANNER,
@@ -142,6 +159,7 @@ OF_THE_CHOICE = {
         "planner.weight": 0.9,
         "planner.iterations": 60,
         "planner.rollouts": 1,
+        **READINGS_OF_THE_SEARCH,
         "planner.exploration": 2.0,
         **GATHERING,
         **PLANNER,
@@ -210,12 +228,19 @@ OF_THE_CHOICE = {
         "detector.function": "own_methods.low",
         **DETECTOR,
     },
-    ("model", "student_t"): {"model.dof": 30.0, **NUMBERS_OF_THE_GP, **GUARDS, **MODEL},
+    ("model", "student_t"): {
+        "model.dof": 30.0,
+        **NUMBERS_OF_THE_GP,
+        **LEARNING,
+        **GUARDS,
+        **MODEL,
+    },
     ("model", "rcgp"): {
         "model.outlier_fraction": 0.3,
         "model.centre_neighbours": None,
         "model.criterion": "plain",
         **NUMBERS_OF_THE_GP,
+        **LEARNING,
         **MODEL,
     },
     ("model", "itgp"): {
@@ -232,6 +257,7 @@ OF_THE_CHOICE = {
         "model.outlier_fraction": 0.001,
         "model.fractions": [0.02],
         **NUMBERS_OF_THE_GP,
+        **LEARNING,
         **MODEL,
     },
     ("model", "vecchia"): {
@@ -241,6 +267,7 @@ OF_THE_CHOICE = {
         "model.ordering": "maxmin",
         "model.dtype": "float32",
         **NUMBERS_OF_THE_GP,
+        **LEARNING,
         **GUARDS,
         **MODEL,
     },

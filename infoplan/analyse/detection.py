@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from infoplan.analyse.curves import missions, ratios
 from infoplan.analyse.tables import Selection, load_curves, load_samples
+from infoplan.methods import OF_THE_MISSION
 
 LABELS = ("run", "seed", "method", "scope", "rho")
 COUNTS = ("tp", "fp", "fn", "tn")
@@ -53,7 +54,8 @@ def rejudge(samples: pd.DataFrame, detector: Mapping[str, Any]) -> pd.DataFrame:
     samples
         One mission's samples.
     detector
-        Its options: ``name`` and what else that detector takes; ``scope`` is ignored.
+        Its options: ``name`` and what else that detector takes; what says
+        which samples it judges is ignored.
 
     Returns
     -------
@@ -63,7 +65,9 @@ def rejudge(samples: pd.DataFrame, detector: Mapping[str, Any]) -> pd.DataFrame:
     """
     from infoplan.detect import DETECTORS, Evidence
 
-    options = {name: value for name, value in detector.items() if name not in ("name", "scope")}
+    options = {
+        name: value for name, value in detector.items() if name not in OF_THE_MISSION["detector"]
+    }
     judge = DETECTORS[detector["name"]]
     samples = samples[samples["measured"].notna()]  # no detector is asked about the others
     epoch = samples["epoch"].to_numpy()

@@ -17,6 +17,7 @@ def spike(
     count: str = "round",
     amplitude: Sequence[float] = (1.0, 2.0),
     quantiles: Sequence[float] = (0.05, 0.95),
+    draw: str = "spike",
 ) -> Corrupted:
     """Turn a share of a batch into spikes.
 
@@ -40,6 +41,8 @@ def spike(
         Bounds of the uniform amplitude.
     quantiles
         Quantiles that bound the data range of the batch.
+    draw
+        ``spike``: each has an amplitude and a sign of its own; ``batch``: all have the same.
 
     Returns
     -------
@@ -54,5 +57,5 @@ def spike(
         is_outlier = np.zeros(n, dtype=bool)
         is_outlier[rng.choice(n, size=number, replace=False)] = True
     low, high = np.quantile(measured, quantiles)
-    spiky = measured + signed(amplitude, n, rng) * (high - low)
+    spiky = measured + signed(amplitude, n if draw == "spike" else 1, rng) * (high - low)
     return Corrupted(np.where(is_outlier, spiky, measured), is_outlier)

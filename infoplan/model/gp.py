@@ -38,7 +38,7 @@ class GaussianProcess(JointRegression):
     dtype : {"float64", "float32"}
         Precision of kernel matrices, factorisations and solves.
     spacing, min_noise_variance, optimizer, learning_rate, min_lengthscale, lengthscale_prior, \
-noise_prior, restarts
+noise_prior, restarts, noise_start, optimizer_state
         How the hyperparameters are learned: as for `infoplan.model.regression.Regression`.
 
     Raises
@@ -63,6 +63,8 @@ noise_prior, restarts
         min_noise_variance: float = 1e-4,
         optimizer: str = "adam",
         learning_rate: float = 0.01,
+        noise_start: str = "carried",
+        optimizer_state: str = "carried",
         min_lengthscale: float = 0.0,
         lengthscale_prior: Sequence[float] | None = None,
         noise_prior: Sequence[float] | None = None,
@@ -78,6 +80,8 @@ noise_prior, restarts
             min_noise_variance=min_noise_variance,
             optimizer=optimizer,
             learning_rate=learning_rate,
+            noise_start=noise_start,
+            optimizer_state=optimizer_state,
             min_lengthscale=min_lengthscale,
             spacing=spacing,
             lengthscale_prior=lengthscale_prior,

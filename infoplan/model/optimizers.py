@@ -32,6 +32,10 @@ class Adam:
 
     def __init__(self, learning_rate: float) -> None:
         self._learning_rate = learning_rate
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the moments of the gradient and the number of steps."""
         self._steps = 0
         self._mean = np.zeros(())  # of any shape from the first step on
         self._square = np.zeros(())
@@ -96,6 +100,10 @@ class Lbfgs:
     def __init__(self) -> None:
         self._scale: np.ndarray | None = None
         self._reach = np.inf
+
+    def reset(self) -> None:
+        """Forget the curvature; how far a hyperparameter may move stays."""
+        self._scale = None
 
     def ascend(
         self,

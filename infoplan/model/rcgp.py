@@ -32,7 +32,7 @@ class RobustConjugateProcess(Regression):
         Data count in the criterion by the squares of their weights (Laplante et al. 2025,
         "Robust and Conjugate Spatio-Temporal Gaussian Processes"), or alike, as in the paper.
     kernel, amplitude, lengthscale, noise_variance, jitter, min_noise_variance, optimizer, \
-learning_rate
+learning_rate, noise_start, optimizer_state
         As for `infoplan.model.GaussianProcess`.
 
     Raises
@@ -57,6 +57,8 @@ learning_rate
         min_noise_variance: float = 1e-4,
         optimizer: str = "adam",
         learning_rate: float = 0.01,
+        noise_start: str = "carried",
+        optimizer_state: str = "carried",
     ) -> None:
         kernel = as_kernel(kernel)
         inference = RobustConjugateInference(
@@ -72,4 +74,6 @@ learning_rate
             min_noise_variance=min_noise_variance,
             optimizer=optimizer,
             learning_rate=learning_rate,
+            noise_start=noise_start,
+            optimizer_state=optimizer_state,
         )

@@ -83,6 +83,10 @@ class Regression:
     lengthscale_prior, noise_prior : (float, float) or None
         Median, and standard deviation of the logarithm, of a log-normal prior of every lengthscale
         and of sigma^2, scaled units: what is maximised is the likelihood times these; None: none.
+    noise_start : {"carried", "restarted"}
+        Where sigma^2 starts in every `optimize`: as it is, or at its first value.
+    optimizer_state : {"carried", "reset"}
+        Whether the optimiser remembers the calls before (`Adam.reset`, `Lbfgs.reset`).
     restarts : int
         Further starts of every `optimize`, of which the best end is taken. Restart r of call c
         (both from 0) starts at the first hyperparameters, each times a factor that is log-uniform
@@ -106,6 +110,8 @@ class Regression:
         spacing: float = 1.0,
         lengthscale_prior: Sequence[float] | None = None,
         noise_prior: Sequence[float] | None = None,
+        noise_start: str = "carried",
+        optimizer_state: str = "carried",
         restarts: int = 0,
         noise_factor: float = 1.0,
     ) -> None:
@@ -120,6 +126,8 @@ class Regression:
         self._has_prior = lengthscale_prior is not None or noise_prior is not None
         self._new_optimizer = partial(optimizer_of, optimizer, learning_rate)
         self._optimizer: Adam | Lbfgs = self._new_optimizer()
+        self._starts_noise_anew = noise_start == "restarted"
+        self._forgets = optimizer_state == "reset"
         self._restarts, self._calls = restarts, 0
         self._noise_factor = noise_factor
         self.replace(x, y)
@@ -195,6 +203,11 @@ class Regression:
             Adam: the number of gradient evaluations and steps. L-BFGS: the most evaluations.
             Hyperparameters that would not be finite are never taken. Every restart gets as many.
         """
+        if self._starts_noise_anew and iterations:
+            start = with_noise_variance(self._theta, noise_variance_of(self._first))
+            self._theta = np.clip(start, self._bounds.lower, self._bounds.upper)
+        if self._forgets:
+            self._optimizer.reset()
         self._theta = self._optimizer.ascend(
             self._value_and_gradient, self._theta, iterations, self._bounds
         )

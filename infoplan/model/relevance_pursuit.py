@@ -30,7 +30,7 @@ class RelevancePursuitProcess(Regression):
     fractions : list of float
         The shares that are compared, besides none.
     kernel, amplitude, lengthscale, noise_variance, jitter, min_noise_variance, optimizer, \
-learning_rate
+learning_rate, noise_start, optimizer_state
         As for `infoplan.model.GaussianProcess`.
 
     Raises
@@ -54,6 +54,8 @@ learning_rate
         min_noise_variance: float = 1e-4,
         optimizer: str = "adam",
         learning_rate: float = 0.01,
+        noise_start: str = "carried",
+        optimizer_state: str = "carried",
     ) -> None:
         kernel = as_kernel(kernel)
         inference = RelevanceInference(
@@ -68,4 +70,6 @@ learning_rate
             min_noise_variance=min_noise_variance,
             optimizer=optimizer,
             learning_rate=learning_rate,
+            noise_start=noise_start,
+            optimizer_state=optimizer_state,
         )

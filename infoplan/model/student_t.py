@@ -41,7 +41,7 @@ class StudentTProcess(JointRegression):
         Added to the variance of the latent values. A covariance that is not positive definite is
         tried again with ten times as much, until it is.
     spacing, min_noise_variance, optimizer, learning_rate, min_lengthscale, lengthscale_prior, \
-noise_prior, restarts
+noise_prior, restarts, noise_start, optimizer_state
         As for `infoplan.model.GaussianProcess`, of the approximate log marginal likelihood and the
         squared scale.
 
@@ -66,6 +66,8 @@ noise_prior, restarts
         min_noise_variance: float = 1e-4,
         optimizer: str = "adam",
         learning_rate: float = 0.01,
+        noise_start: str = "carried",
+        optimizer_state: str = "carried",
         min_lengthscale: float = 0.0,
         lengthscale_prior: Sequence[float] | None = None,
         noise_prior: Sequence[float] | None = None,
@@ -81,6 +83,8 @@ noise_prior, restarts
             min_noise_variance=min_noise_variance,
             optimizer=optimizer,
             learning_rate=learning_rate,
+            noise_start=noise_start,
+            optimizer_state=optimizer_state,
             min_lengthscale=min_lengthscale,
             spacing=spacing,
             lengthscale_prior=lengthscale_prior,

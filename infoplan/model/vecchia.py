@@ -37,7 +37,8 @@ class VecchiaProcess(Regression):
         Order of conditioning: as the data come, each block as far as can be from all before, or a
         permutation. The last two look for all neighbours anew whenever data come.
     kernel, amplitude, lengthscale, noise_variance, jitter, dtype, spacing, min_noise_variance, \
-optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, restarts
+optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, restarts, noise_start, \
+optimizer_state
         As for `infoplan.model.GaussianProcess`.
 
     Raises
@@ -67,6 +68,8 @@ optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, resta
         min_noise_variance: float = 1e-4,
         optimizer: str = "adam",
         learning_rate: float = 0.01,
+        noise_start: str = "carried",
+        optimizer_state: str = "carried",
         min_lengthscale: float = 0.0,
         lengthscale_prior: Sequence[float] | None = None,
         noise_prior: Sequence[float] | None = None,
@@ -86,6 +89,8 @@ optimizer, learning_rate, min_lengthscale, lengthscale_prior, noise_prior, resta
             min_noise_variance=min_noise_variance,
             optimizer=optimizer,
             learning_rate=learning_rate,
+            noise_start=noise_start,
+            optimizer_state=optimizer_state,
             min_lengthscale=min_lengthscale,
             spacing=spacing,
             lengthscale_prior=lengthscale_prior,

@@ -6,6 +6,7 @@ in the workspace: then the robot turns on the spot and the planner is asked agai
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,62 +19,42 @@ Actions = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
-def uct(
-    situation: Situation,
-    rng: np.random.Generator,
-    *,
-    iterations: int = 500,
-    rollouts: int = 5,
-    exploration: float = 0.3,
-) -> Actions:
+def uct(situation: Situation, rng: np.random.Generator, **options: Any) -> Actions:
     """Plan by tree search with the upper confidence bound; reward: the planner's own.
 
     Parameters
     ----------
     situation, rng
         As for any planner.
-    iterations, rollouts, exploration
-        As `infoplan.plan.search` takes them.
+    **options
+        ``iterations=500``, ``rollouts=5``, ``rollout_step="action"``, ``exploration=0.3``,
+        ``average="driven"``, ``border="struck"``, as `infoplan.plan.search` takes them.
 
     Returns
     -------
     ndarray of int64
         The most visited path of the tree.
     """
-    rewards = normalise(situation.reward_map)[np.newaxis]
-    return _most_visited(situation, rng, rewards, iterations, rollouts, exploration)
+    return _most_visited(situation, rng, normalise(situation.reward_map)[np.newaxis], **options)
 
 
-def puct(
-    situation: Situation,
-    rng: np.random.Generator,
-    *,
-    iterations: int = 500,
-    rollouts: int = 5,
-    exploration: float = 0.3,
-) -> Actions:
+def puct(situation: Situation, rng: np.random.Generator, **options: Any) -> Actions:
     """Plan by Pareto tree search (the paper's method); rewards: its own, outlier density.
 
     Parameters and result as for `uct`.
     """
     rewards = np.stack([normalise(situation.reward_map), normalise(situation.outlier_density)])
-    return _most_visited(situation, rng, rewards, iterations, rollouts, exploration)
+    return _most_visited(situation, rng, rewards, **options)
 
 
 def weighted(
-    situation: Situation,
-    rng: np.random.Generator,
-    *,
-    iterations: int = 500,
-    rollouts: int = 5,
-    exploration: float = 0.3,
-    weight: float = 0.5,
+    situation: Situation, rng: np.random.Generator, *, weight: float = 0.5, **options: Any
 ) -> Actions:
     """Plan as `uct`, on a weighted sum of the two rewards of `puct`, each with maximum 1.
 
     Parameters
     ----------
-    situation, rng, iterations, rollouts, exploration
+    situation, rng, **options
         As for `uct`.
     weight
         Of the outlier density, from 0 (`uct` itself) to 1; the other reward has the rest.
@@ -85,7 +66,7 @@ def weighted(
     """
     density = normalise(situation.outlier_density)
     rewards = (1.0 - weight) * normalise(situation.reward_map) + weight * density
-    return _most_visited(situation, rng, rewards[np.newaxis], iterations, rollouts, exploration)
+    return _most_visited(situation, rng, rewards[np.newaxis], **options)
 
 
 def greedy(situation: Situation, rng: np.random.Generator, *, actions: int = 6) -> Actions:
@@ -125,9 +106,13 @@ def _most_visited(
     situation: Situation,
     rng: np.random.Generator,
     rewards: Floats,
-    iterations: int,
-    rollouts: int,
-    exploration: float,
+    *,
+    iterations: int = 500,
+    rollouts: int = 5,
+    rollout_step: str = "action",
+    exploration: float = 0.3,
+    average: str = "driven",
+    border: str = "struck",
 ) -> Actions:
     """Search with as many objectives as there are reward maps."""
     tree = search(
@@ -139,7 +124,10 @@ def _most_visited(
         steering=situation.steering,
         iterations=iterations,
         rollouts=rollouts,
+        rollout_step=rollout_step,
         exploration=exploration,
+        average=average,
+        border=border,
         pareto=len(rewards) > 1,
         rng=rng,
         obstacles=situation.obstacles,

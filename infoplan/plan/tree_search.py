@@ -24,6 +24,11 @@ NO_NODE = -1
 UNTRIED = -1
 STRUCK = -2
 
+BORDERS = ("struck", "visit", "terminal")
+"""What becomes of an action that leaves the workspace, see `search`."""
+
+_VISIT, _TERMINAL = 1, 2
+
 
 class Tree(NamedTuple):
     """A search tree of n nodes, A actions a node and D objectives; node 0 is the root.
@@ -39,6 +44,9 @@ class Tree(NamedTuple):
     child : ndarray of int64, shape (n, A)
         The child of each action; -1 if the action is untried, -2 if it is struck because it
         leaves the workspace or touches an obstacle.
+    terminal : ndarray of bool, shape (n,)
+        Whether the action that leads to the node leaves the workspace or touches an obstacle: only
+        with ``border="terminal"``. Nothing goes on from there.
     visits : ndarray of int64, shape (n,)
         Iterations that passed through the node.
     reward : ndarray, shape (n, D)
@@ -51,6 +59,7 @@ class Tree(NamedTuple):
     parent: NDArray[np.int64]
     action: NDArray[np.int64]
     child: NDArray[np.int64]
+    terminal: NDArray[np.bool_]
     visits: NDArray[np.int64]
     reward: NDArray[np.float64]
     size: NDArray[np.int64]
@@ -65,8 +74,11 @@ class _Problem(NamedTuple):
     samples_per_action: int
     steering: NDArray[np.float64]
     rollouts: int
+    rollout_samples: int
     exploration: float
     pareto: bool
+    planned: bool
+    border: int
     walls: Walls
 
 
@@ -98,6 +110,9 @@ def search(
     exploration: float,
     pareto: bool,
     rng: np.random.Generator,
+    rollout_step: str = "action",
+    average: str = "driven",
+    border: str = "struck",
     obstacles: Obstacles = NOWHERE,
 ) -> Tree:
     """Grow a search tree from the robot's pose (paper's Pareto Monte Carlo tree search).
@@ -119,13 +134,25 @@ def search(
     iterations : int
         Number of iterations.
     rollouts : int
-        Straight actions that a simulation drives at most.
+        Straight steps that a simulation drives at most, up to the border.
     exploration : float
         The constant C of the bounds, as a multiple of the largest mean reward among the children.
     pareto : bool
         Select by Pareto UCB (PUCT), else by UCB (UCT), which is for one objective.
     rng : numpy.random.Generator
         The planner's stream; it advances by one draw a choice.
+    rollout_step : {"action", "sample"}
+        Length of such a step: a whole action, or the way from one sample to the next.
+    average : {"driven", "planned"}
+        What the summed reward of an expansion and its simulation is divided by: the actions that
+        were driven, or those that would have been without a border. A step of one sample is a
+        part of an action.
+    border : {"struck", "visit", "terminal"}
+        What an action that leaves the workspace or touches an obstacle costs. ``struck``: nothing,
+        it is no action there and another one is drawn. ``visit``: it is struck, too, but the
+        iteration is spent, a visit without reward of the node and all above. ``terminal``: it
+        leads to a node without reward where nothing goes on, which may be selected again and
+        again, and is in no plan.
     obstacles : Obstacles
         What no action may touch; the pose lies in none.
 
@@ -153,8 +180,11 @@ def search(
         int(samples_per_action),
         np.ascontiguousarray(steering, dtype=np.float64),
         int(rollouts),
+        int(samples_per_action) if rollout_step == "action" else 1,
         float(exploration),
         bool(pareto),
+        average == "planned",
+        BORDERS.index(border),
         obstacles.walls,
     )
     return _grow((x, y, theta), problem, int(iterations), rng)
@@ -176,14 +206,20 @@ def most_visited_actions(tree: Tree, rng: np.random.Generator) -> NDArray[np.int
         Indices into the steering angles; empty if the root is a dead end.
     """
     actions = []
-    children = tree.child[ROOT][tree.child[ROOT] > ROOT]
+    children = _drivable_children(tree, ROOT)
     while len(children):
         visits = tree.visits[children]
         most = children[visits == visits.max()]
         node = most[_pick(len(most), rng)]
         actions.append(tree.action[node])
-        children = tree.child[node][tree.child[node] > ROOT]
+        children = _drivable_children(tree, node)
     return np.array(actions, dtype=np.int64)
+
+
+def _drivable_children(tree: Tree, node: int) -> NDArray[np.int64]:
+    """Return the children of a node to which the robot may drive."""
+    children = tree.child[node][tree.child[node] > ROOT]
+    return children[~tree.terminal[children]]
 
 
 @kernel()
@@ -252,17 +288,16 @@ def _grow(
         np.empty(objectives),
     )
     for _ in range(iterations):
-        node, leaf = ROOT, NO_NODE
+        node, leaf, goes_on = ROOT, NO_NODE, False
         # Expanding may strike the last untried actions of a node: then select on from there.
         while leaf == NO_NODE and not _is_dead_end(tree, node):
             node = select(tree, node, problem, rng, scratch)
-            leaf = expand(tree, node, problem, rng, scratch)
-        if leaf == NO_NODE:
-            scratch.reward[:] = 0.0
-            leaf = node
-        else:
+            leaf, goes_on = expand(tree, node, problem, rng, scratch)
+        if goes_on:
             simulate(tree, leaf, problem, scratch)
-        back_propagate(tree, leaf, scratch)
+        else:
+            scratch.reward[:] = 0.0
+        back_propagate(tree, node if leaf == NO_NODE else leaf, scratch)
     return _cut(tree)
 
 
@@ -298,47 +333,59 @@ def select(
 @kernel()
 def expand(
     tree: Tree, node: int, problem: _Problem, rng: np.random.Generator, scratch: _Scratch
-) -> int:
+) -> tuple[int, bool]:
     """Drive a random untried action (paper's Expansion).
 
-    Returns the new node, or -1 if no action is left that stays inside. Actions that leave the
-    workspace are struck on the way. The action's reward is left in ``scratch.reward``.
+    Returns the node whose visit the iteration is, and whether it is a new one from which a
+    simulation goes on; -1 if no action is left. Actions that leave the workspace are struck on the
+    way, or end it, as ``problem.border`` says. The action's reward is left in ``scratch.reward``.
     """
     while True:
         untried = 0
         for action in range(tree.child.shape[1]):
             untried += tree.child[node, action] == UNTRIED
         if untried == 0:
-            return NO_NODE
+            return NO_NODE, False
         skip = _pick(untried, rng)
         action = 0
         while skip > 0 or tree.child[node, action] != UNTRIED:
             skip -= tree.child[node, action] == UNTRIED
             action += 1
         start = (tree.pose[node, 0], tree.pose[node, 1], tree.pose[node, 2])
-        end, stays = _drive_action(start, problem.steering[action], problem, scratch.reward)
+        length, turn = problem.samples_per_action, problem.steering[action]
+        end, stays = _drive(start, turn, length, problem, scratch.reward)
         if stays:
-            return _add_child(tree, node, action, end)
+            return _add_child(tree, node, action, end), True
+        if problem.border == _TERMINAL:
+            new = _add_child(tree, node, action, end)
+            tree.terminal[new] = True
+            tree.child[new] = STRUCK
+            return new, False
         tree.child[node, action] = STRUCK
+        if problem.border == _VISIT:
+            return node, False
 
 
 @kernel()
 def simulate(tree: Tree, leaf: int, problem: _Problem, scratch: _Scratch) -> None:
     """Drive straight on from a new leaf, at most up to the border (paper's Simulation).
 
-    ``scratch.reward`` goes from the sum of the expansion to the mean over all actions driven.
+    ``scratch.reward`` goes from the sum of the expansion to the mean over all actions.
     """
     pose = (tree.pose[leaf, 0], tree.pose[leaf, 1], tree.pose[leaf, 2])
-    driven = 1
+    ahead = 0
     for _ in range(problem.rollouts):
-        pose, stays = _drive_action(pose, 0.0, problem, scratch.gain)
+        pose, stays = _drive(pose, 0.0, problem.rollout_samples, problem, scratch.gain)
         if not stays:
             break
-        driven += 1
+        ahead += problem.rollout_samples
         for d in range(scratch.reward.shape[0]):
             scratch.reward[d] += scratch.gain[d]
+    if problem.planned:
+        ahead = problem.rollouts * problem.rollout_samples
+    actions = (problem.samples_per_action + ahead) / problem.samples_per_action
     for d in range(scratch.reward.shape[0]):
-        scratch.reward[d] /= driven
+        scratch.reward[d] /= actions
 
 
 @kernel()
@@ -372,15 +419,19 @@ def _bound(tree: Tree, node: int, count: int, problem: _Problem, scratch: _Scrat
 
 
 @kernel()
-def _drive_action(
-    pose: tuple[float, float, float], u: float, problem: _Problem, gain: NDArray[np.float64]
+def _drive(
+    pose: tuple[float, float, float],
+    u: float,
+    samples: int,
+    problem: _Problem,
+    gain: NDArray[np.float64],
 ) -> tuple[tuple[float, float, float], bool]:
-    """Drive one action and sum its rewards into `gain`; also tell whether it stays inside."""
+    """Drive some samples and sum their rewards into `gain`; also tell whether all stay inside."""
     x, y, theta = pose
     objectives, rows, cols = problem.reward_maps.shape
     xmin, xmax, ymin, ymax = problem.extent
     gain[:] = 0.0
-    for _ in range(problem.samples_per_action):
+    for _ in range(samples):
         before_x, before_y = x, y
         x, y, theta = step(x, y, theta, u, problem.speed)
         if not inside(x, y, problem.extent) or crosses(before_x, before_y, x, y, problem.walls):
@@ -413,6 +464,7 @@ def _plant(pose: tuple[float, float, float], capacity: int, actions: int, object
         np.empty(capacity, dtype=np.int64),
         np.empty(capacity, dtype=np.int64),
         np.full((capacity, actions), UNTRIED, dtype=np.int64),
+        np.zeros(capacity, dtype=np.bool_),
         np.zeros(capacity, dtype=np.int64),
         np.zeros((capacity, objectives)),
         np.ones(1, dtype=np.int64),
@@ -444,6 +496,7 @@ def _cut(tree: Tree) -> Tree:
         tree.parent[:n],
         tree.action[:n],
         tree.child[:n],
+        tree.terminal[:n],
         tree.visits[:n],
         tree.reward[:n],
         tree.size,

@@ -259,7 +259,8 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
         raise UsageError(
             "detector=best needs the true labels, which nobody has of a survey: use another"
         )
-    if config.detector.scope == "batch" and config.terrain.batch is None:
+    detector = config.detector
+    if detector.scope == "batch" and not detector.judge_pilot and config.terrain.batch is None:
         raise UsageError(
             "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
             "leave it out and all are judged"

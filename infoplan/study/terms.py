@@ -4,15 +4,23 @@ from collections.abc import Mapping
 from typing import Any
 
 from infoplan.config import METHODS
+from infoplan.methods import stored_choice
 
 ADDED_LATER = {
     "model.kernel": "squared_exponential",
     "model.min_lengthscale": 0.0,
     "model.lengthscale_prior": None,
     "model.noise_prior": None,
+    "detector.judge_pilot": False,
+    "fault.draw": "spike",
     "model.restarts": 0,
+    "model.noise_start": "carried",
+    "model.optimizer_state": "carried",
     "planner.reward": "std",
     "planner.kappa": 2.0,
+    "planner.rollout_step": "action",
+    "planner.average": "driven",
+    "planner.border": "struck",
     "terrain.obstacles": [],
 }
 """Options of groups that runs of earlier versions have not stored, and what they flew with.
@@ -32,18 +40,19 @@ def as_stored(meant: Mapping[str, Any]) -> dict[str, Any]:
     meant
         A run's `science` in today's terms; the inverse of `as_meant`.
     """
-    science: dict[str, Any] = {}
-    for name, value in meant.items():
-        if name != "fault":
-            science[name] = dict(value) if isinstance(value, Mapping) else value
-        if name == "sensor":
-            options = dict(meant["fault"])
-            first = options["name"] == FIRST_FAULT and options.pop("name")
-            science["outliers" if first else "fault"] = options
+    told = {name: dict(part) if isinstance(part, Mapping) else part for name, part in meant.items()}
     for name, value in ADDED_LATER.items():
         group, option = name.split(".")
-        if science.get(group, {}).get(option, ...) == value:
-            del science[group][option]
+        if told[group].get(option, ...) == value:
+            del told[group][option]
+    science: dict[str, Any] = {}
+    for name, part in told.items():
+        if name != "fault":
+            science[name] = part
+        if name == "sensor":
+            options = told["fault"]
+            first = options["name"] == FIRST_FAULT and options.pop("name")
+            science["outliers" if first else "fault"] = options
     return science
 
 
@@ -65,6 +74,7 @@ def as_meant(science: Mapping[str, Any]) -> dict[str, Any]:
         meant["fault"] = {"name": FIRST_FAULT, **meant.pop("outliers")}
     for name, value in ADDED_LATER.items():
         group, option = name.split(".")
-        if group not in METHODS or hasattr(METHODS[group].get(meant[group]["name"]), option):
+        choice = METHODS[group].get(stored_choice(meant[group])) if group in METHODS else None
+        if group not in METHODS or hasattr(choice, option):
             meant[group] = {option: value, **meant[group]}
     return meant

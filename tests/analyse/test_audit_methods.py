@@ -67,6 +67,44 @@ DETECTORS = {
 }
 
 
+@pytest.mark.parametrize("scope", ["batch", "historical"])
+@pytest.mark.parametrize("model", ["gp", "vecchia"])
+def test_verdicts_on_a_judged_pilot_are_repeated(small, volcano, tmp_path, model, scope):
+    small.pilot = replace(small.pilot, outliers=True)
+    detector = ("copod", {"judge_pilot": True, "scope": scope})
+    name = store(small, volcano, tmp_path, detector=detector, model=(model, {}))
+    assert failing(tmp_path, name) == set()
+    touch(tmp_path, "samples", name, "flagged", lambda flag: not flag, "is_outlier")
+    assert failing(tmp_path, name) >= {"flags"}
+
+
+@pytest.mark.parametrize("scope", ["batch", "historical"])
+@pytest.mark.parametrize(
+    "detector", [("gp_residual", {"threshold": 2.0}), ("pyod", {"model": "KNN"})]
+)
+def test_of_a_judged_pilot_what_is_not_stored_is_told(small, volcano, tmp_path, detector, scope):
+    small.pilot = replace(small.pilot, outliers=True)
+    choice, options = detector
+    detector = (choice, {**options, "judge_pilot": True, "scope": scope})
+    name = store(small, volcano, tmp_path, detector=detector)
+    assert failing(tmp_path, name) == set()
+    [scores] = [found for found in audit_mission(tmp_path, name, 2) if found.check == "scores"]
+    assert ("a model of the whole pilot" in scores.omitted) == (choice == "gp_residual")
+
+
+def test_spikes_that_share_their_draw_are_checked(small, volcano, tmp_path):
+    small.pilot = replace(small.pilot, outliers=True)
+    name = store(small, volcano, tmp_path, fault=("spike", {"draw": "batch"}))
+    assert failing(tmp_path, name) == set()
+    path = table_path(tmp_path, "samples", name, 2)
+    frame = pd.read_parquet(path, partitioning=None)
+    first = frame.index[frame["is_outlier"]][0]
+    mirrored = frame["measured"].where(frame.index != first, 2 * frame["truth"] - frame["measured"])
+    spoil(path, "measured", lambda _: mirrored)
+    told = quickly_failing(tmp_path, name)
+    assert told["spike draws"] == "the spikes of epoch 0 point both ways, fault.draw=batch"
+
+
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_scores_and_flags_of_a_detector_are_repeated(small, volcano, tmp_path, detector):
     name = store(small, volcano, tmp_path, detector=DETECTORS[detector])

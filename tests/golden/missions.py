@@ -28,6 +28,22 @@ MISSIONS = {
     "uct-none": ["planner=uct", "detector=none"],
     "uct-best-noisy-std": ["planner=uct", "detector=best", "planner.noisy_std=true"],
     "uct-best-first-action": ["planner=uct", "detector=best", "planner.execute_actions=1"],
+    "uct-best-planned-average": ["planner=uct", "detector=best", "planner.average=planned"],
+    "puct-copod-visit": ["planner=puct", "detector=copod", "planner.border=visit"],
+    "puct-copod-terminal": ["planner=puct", "detector=copod", "planner.border=terminal"],
+    "uct-none-rollout-samples": [
+        "planner=uct", "detector=none", "planner.rollout_step=sample", "planner.rollouts=20",
+    ],
+    "puct-copod-judged-pilot": [
+        "planner=puct", "detector=copod", "detector.judge_pilot=true", "pilot.outliers=true",
+    ],
+    "random-best-judged-pilot": [
+        "planner=random", "detector=best", "detector.judge_pilot=true", "pilot.outliers=true",
+    ],
+    "random-gp-residual-judged-pilot-historical": [
+        "planner=random", "detector=gp_residual", "detector.judge_pilot=true",
+        "detector.scope=historical", "pilot.outliers=true",
+    ],
     "weighted-copod": ["planner=weighted", "detector=copod"],
     "greedy-local": ["planner=greedy", "detector=local"],
     "uct-mutual-information": [
@@ -77,12 +93,29 @@ MISSIONS = {
         "planner=random", "detector=none", "model.min_lengthscale=20", "model.restarts=1",
         "model.lengthscale_prior=[0.3,0.5]", "model.noise_prior=[0.1,1.0]",
     ],
+    "random-restarted-noise": [
+        "planner=random", "detector=none", "model.noise_start=restarted",
+    ],
+    "random-restarted-noise-student-t": [
+        "planner=random", "detector=none", "model=student_t", "model.noise_start=restarted",
+    ],
+    "random-restarted-noise-vecchia": [
+        "planner=random", "detector=none", "model=vecchia", "model.noise_start=restarted",
+        "model.neighbours=8",
+    ],
+    "random-reset-adam": ["planner=random", "detector=none", "model.optimizer_state=reset"],
+    "random-reset-lbfgs-rcgp": [
+        "planner=random", "detector=none", "model=rcgp", "model.optimizer=lbfgs",
+        "model.optimizer_state=reset",
+    ],
+    "random-frozen": ["planner=random", "detector=none", "model.iterations=0"],
     "random-lbfgs": ["planner=random", "detector=best", "model.optimizer=lbfgs"],
     "random-float32": ["planner=random", "detector=best", "model.dtype=float32"],
     "random-per-sample": ["planner=random", "detector=best", "model.iterations=per_sample"],
     "random-spiky-pilot": ["planner=random", "detector=none", "pilot.outliers=true"],
     "random-bernoulli": ["planner=random", "detector=none", "outliers.count=bernoulli"],
     "random-floor": ["planner=random", "detector=none", "outliers.count=floor"],
+    "random-one-draw-a-batch": ["planner=random", "detector=none", "fault.draw=batch"],
     "random-max-range": ["planner=random", "detector=none", "fault=max_range"],
     "random-uniform": ["planner=random", "detector=none", "fault=uniform"],
     "random-burst": ["planner=random", "detector=none", "fault=burst"],

@@ -18,6 +18,9 @@ class Settings:
     rollouts: int
     exploration: float
     pareto: bool
+    rollout_step: str = "action"
+    average: str = "driven"
+    border: str = "struck"
 
 
 @dataclass(eq=False)
@@ -27,6 +30,7 @@ class Node:
     action: int
     untried: list
     rewards: list  # one sum an objective
+    is_terminal: bool = False
     visits: int = 0
     children: dict = field(default_factory=dict)  # action -> Node
 
@@ -53,15 +57,15 @@ def nearest(value, low, high, nodes):
     return max(0, min(nodes - 1, math.floor(position + 0.5)))
 
 
-def take(settings, pose, u):
-    """Drive one action: the end pose and the summed reward of each objective."""
+def take(settings, pose, u, samples):
+    """Drive some samples: the end pose and the summed reward of each objective."""
     xmin, xmax, ymin, ymax = settings.extent
     sums = [0.0 for _ in settings.reward_maps]
-    for _ in range(settings.samples_per_action):
+    for _ in range(samples):
         pose = move_then_turn(pose, u, settings.speed)
         x, y, _heading = pose
         if x < xmin or x > xmax or y < ymin or y > ymax:
-            raise LeavesWorkspaceError
+            raise LeavesWorkspaceError(pose)
         for objective, grid in enumerate(settings.reward_maps):
             row = nearest(y, ymin, ymax, len(grid))
             column = nearest(x, xmin, xmax, len(grid[0]))
@@ -116,30 +120,43 @@ def new_node(settings, pose, parent, action):
 
 def one_iteration(settings, root, rng, created):
     node, rewards = root, None
+    nothing = [0.0 for _ in settings.reward_maps]
+    length = settings.samples_per_action
+    step = {"action": length, "sample": 1}[settings.rollout_step]
     while rewards is None:
         if node.untried:
             action = choose(node.untried, rng)
             node.untried.remove(action)
             try:
-                pose, rewards = take(settings, node.pose, settings.steering[action])
-            except LeavesWorkspaceError:
+                pose, rewards = take(settings, node.pose, settings.steering[action], length)
+            except LeavesWorkspaceError as over:
+                if settings.border == "visit":
+                    rewards = nothing
+                elif settings.border == "terminal":
+                    outside = new_node(settings, over.args[0], node, action)
+                    outside.untried, outside.is_terminal = [], True
+                    node.children[action] = outside
+                    created.append(outside)
+                    node, rewards = outside, nothing
                 continue
             node.children[action] = new_node(settings, pose, node, action)
             node = node.children[action]
             created.append(node)
-            driven = 1
+            driven = length
             for _ in range(settings.rollouts):
                 try:
-                    pose, more = take(settings, pose, 0.0)
+                    pose, more = take(settings, pose, 0.0, step)
                 except LeavesWorkspaceError:
                     break
                 rewards = [a + b for a, b in zip(rewards, more, strict=True)]
-                driven += 1
-            rewards = [total / driven for total in rewards]
+                driven += step
+            planned = length + settings.rollouts * step
+            samples = {"driven": driven, "planned": planned}[settings.average]
+            rewards = [total / (samples / length) for total in rewards]
         elif node.children:
             node = best_child(settings, node, rng)
         else:
-            rewards = [0.0 for _ in settings.reward_maps]
+            rewards = nothing
     while node is not None:
         node.visits += 1
         node.rewards = [a + b for a, b in zip(node.rewards, rewards, strict=True)]
@@ -157,8 +174,9 @@ def search(settings, pose, rng):
 
 def most_visited_actions(root, rng):
     actions, node = [], root
-    while node.children:
+    while any(not child.is_terminal for child in node.children.values()):
         children = [node.children[action] for action in sorted(node.children)]
+        children = [child for child in children if not child.is_terminal]
         most = max(child.visits for child in children)
         node = choose([child for child in children if child.visits == most], rng)
         actions.append(node.action)

@@ -79,6 +79,9 @@ def problems(draw):
         "rollouts": draw(st.integers(0, 4)),
         "exploration": draw(st.sampled_from([0.0, 0.1, 0.3, 1.0, 5.0])),
         "pareto": pareto,
+        "rollout_step": draw(st.sampled_from(["action", "sample"])),
+        "average": draw(st.sampled_from(["driven", "planned"])),
+        "border": draw(st.sampled_from(["struck", "visit", "terminal"])),
     }
     return pose, maps, extent, options
 
@@ -102,6 +105,7 @@ def reference(pose, maps, extent, options, rng):
         "parent": [index.get(node.parent, -1) for node in nodes],
         "action": [node.action for node in nodes],
         "child": child,
+        "terminal": [node.is_terminal for node in nodes],
         "visits": [node.visits for node in nodes],
         "reward": [node.rewards for node in nodes],
     }
@@ -141,15 +145,21 @@ def test_tree_is_consistent(problem, seed):
     n = tree.size[0]
     assert all(len(array) == n for array in tree[:-1])
     assert tree.visits[0] == options["iterations"]
-    assert np.all((tree.pose[:, 0] >= extent[0]) & (tree.pose[:, 0] <= extent[1]))
-    assert np.all((tree.pose[:, 1] >= extent[2]) & (tree.pose[:, 1] <= extent[3]))
+    inside = (tree.pose[:, 0] >= extent[0]) & (tree.pose[:, 0] <= extent[1])
+    inside &= (tree.pose[:, 1] >= extent[2]) & (tree.pose[:, 1] <= extent[3])
+    np.testing.assert_array_equal(tree.terminal, ~inside)
+    assert options["border"] == "terminal" or not tree.terminal.any()
     assert np.all((tree.pose[:, 2] >= 0.0) & (tree.pose[:, 2] < 2.0 * math.pi))
     for node in range(n):
         children = tree.child[node][tree.child[node] > 0]
         passed_on = tree.visits[children].sum()
+        if tree.terminal[node]:
+            assert len(children) == 0
+            assert not tree.reward[node].any()
         # A node's first visit is its own expansion; a dead end keeps all its visits.
         if len(children):
-            assert tree.visits[node] == passed_on + (node != 0)
+            spent = (tree.child[node] == -2).sum() if options["border"] == "visit" else 0
+            assert tree.visits[node] == passed_on + (node != 0) + spent
     for node in range(1, n):
         parent, action = tree.parent[node], tree.action[node]
         assert parent < node
@@ -161,7 +171,8 @@ def test_tree_is_consistent(problem, seed):
             options["speed"],
             options["samples_per_action"],
         )
-        assert driven[-1].tolist() == tree.pose[node].tolist()
+        if not tree.terminal[node]:
+            assert driven[-1].tolist() == tree.pose[node].tolist()
 
 
 @settings(max_examples=50, deadline=None)
@@ -233,6 +244,26 @@ def test_reward_is_the_mean_over_the_actions_driven(start, rollouts, samples, ex
     assert tree.visits.tolist() == [1, 1]
 
 
+@pytest.mark.parametrize(
+    ("start", "rollouts", "samples", "average", "step", "expected"),
+    [
+        (8.0, 3, 1, "planned", "action", (9 + 10) / 4),
+        (6.0, 5, 3, "planned", "action", (7 + 8 + 9) / 6),
+        (0.0, 3, 1, "planned", "action", (1 + 2 + 3 + 4) / 4),  # no border, no difference
+        (0.0, 2, 2, "driven", "sample", (1 + 2 + 3 + 4) / 2),  # 2 samples and 2 more: 2 actions
+        (6.0, 5, 3, "driven", "sample", (7 + 8 + 9 + 10) / (4 / 3)),
+        (6.0, 5, 3, "planned", "sample", (7 + 8 + 9 + 10) / (8 / 3)),
+    ],
+)
+def test_reward_of_the_other_readings(start, rollouts, samples, average, step, expected):
+    options = {**STRAIGHT, "rollouts": rollouts, "samples_per_action": samples}
+    tree = search(
+        (start, 5.0, 0.0), columns_map(), SQUARE, pareto=False, rng=np.random.default_rng(0),
+        average=average, rollout_step=step, **options,
+    )  # fmt: skip
+    np.testing.assert_allclose(tree.reward, [[expected], [expected]], rtol=1e-15)
+
+
 def test_rollouts_go_straight_even_without_a_straight_action():
     options = {**STRAIGHT, "steering": [-0.5, 0.5], "rollouts": 2}
     tree = search(
@@ -264,19 +295,55 @@ def test_dead_end_down_the_tree_counts_visits_without_reward():
     assert tree.child[-1].tolist() == [-2]
 
 
-def test_leaving_actions_cost_no_iteration():
-    # Straight ahead only the border awaits: each iteration still grows the tree by one node.
-    options = {**DEFAULTS, "iterations": 20}
-    tree = search(
+def search_at_the_border(border, **changes):
+    """Search from where straight ahead only the border awaits."""
+    return search(
         (49.0, 25.0, math.pi / 4),
         make_maps(0, "smooth", (1, 50, 50)),
         (0, 50, 0, 50),
         pareto=False,
+        border=border,
         rng=np.random.default_rng(0),
-        **{**options, "steering": steering_angles(0.5, 5)},
+        **{**DEFAULTS, "iterations": 20, "steering": steering_angles(0.5, 5), **changes},
     )
+
+
+def test_struck_actions_cost_no_iteration():
+    tree = search_at_the_border("struck")
     assert (tree.child == -2).any()
     assert tree.size[0] == 21
+    assert not tree.terminal.any()
+
+
+def test_each_border_action_costs_one_visit():
+    tree = search_at_the_border("visit")
+    struck = (tree.child == -2).sum()
+    assert struck > 0
+    assert tree.size[0] == 21 - struck
+    assert tree.visits[0] == 20
+
+
+def test_a_terminal_node_is_visited_again_and_never_planned():
+    tree = search_at_the_border("terminal", iterations=400, exploration=2.0)
+    assert tree.terminal.any()
+    assert not tree.reward[tree.terminal].any()
+    assert tree.visits[tree.terminal].max() > 1
+    assert not (tree.child[~tree.terminal] == -2).any()
+    plan = most_visited_actions(tree, np.random.default_rng(1))
+    track = drive(np.array([49.0, 25.0, math.pi / 4]), plan, steering_angles(0.5, 5), 0.7, 10)
+    assert len(plan)
+    assert np.all((track[:, :2] >= 0.0) & (track[:, :2] <= 50.0))
+
+
+def test_root_whose_actions_are_all_terminal_has_no_plan():
+    rng = np.random.default_rng(0)
+    tree = search(
+        (50.0, 50.0, math.pi / 4), np.ones((1, 50, 50)), (0, 50, 0, 50), pareto=False, rng=rng,
+        border="terminal", **DEFAULTS,
+    )  # fmt: skip
+    assert tree.terminal.tolist() == [False] + 5 * [True]
+    assert tree.visits.sum() == 2 * 500
+    assert len(most_visited_actions(tree, rng)) == 0
 
 
 def test_root_that_is_a_dead_end_has_no_plan_until_turned():

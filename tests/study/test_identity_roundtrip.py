@@ -82,6 +82,38 @@ def test_an_option_added_later_leaves_the_name_as_it_was(model, volcano):
     assert other.name != run.name
 
 
+LATER = {
+    "planner.rollout_step": "sample", "planner.average": "planned", "planner.border": "visit",
+    "detector.judge_pilot": True, "model.noise_start": "restarted",
+    "model.optimizer_state": "reset", "fault.draw": "batch",
+}  # fmt: skip
+"""Readings of the paper that had no option once."""
+
+
+@pytest.mark.parametrize("name", LATER)
+def test_a_reading_added_later_is_stored_if_it_is_another_than_before(name, volcano):
+    group, option = name.split(".")
+    stored = {"fault": "outliers"}.get(group, group)
+    usual = identify(Config(), volcano)
+    assert option not in usual.science[stored]
+    config = Config()
+    setattr(config, group, replace(getattr(config, group), **{option: LATER[name]}))
+    run = identify(config, volcano)
+    assert run.science[stored][option] == LATER[name]
+    assert run.name != usual.name
+    assert getattr(getattr(config_from_science(run.science), group), option) == LATER[name]
+
+
+@pytest.mark.parametrize("choice", ["pyod", "own", "best", "hampel"])
+def test_every_detector_may_judge_the_pilot(choice, volcano):
+    detector = METHODS["detector"][choice]
+    if choice == "own":
+        detector = replace(detector, function="own_methods.high")
+    for judged in (False, True):
+        run = identify(replace(Config(), detector=replace(detector, judge_pilot=judged)), volcano)
+        assert config_from_science(run.science).detector.judge_pilot is judged
+
+
 def test_the_name_of_the_default_configuration_is_that_of_0_1_0(volcano):
     config = Config()
     config.terrain = replace(config.terrain, name="volcano")

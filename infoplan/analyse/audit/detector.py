@@ -53,13 +53,13 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     list of (scores, flags) or None
         One entry for each epoch, of all samples collected by then, as the mission then held them:
         scope batch keeps a sample's first judgement, historical the latest; the pilot is judged
-        by historical only. None where a detector that cannot be repeated has judged since; what
-        it said at last is taken from the table.
+        by historical and by `detector.judge_pilot` only. None where a detector that cannot be
+        repeated has judged since; what it said at last is taken from the table.
     """
     if _unrepeatable(mission):
         return _stored_judgements(mission)
     historical = mission.option("detector.scope") == "historical"
-    scores, flags = np.full(mission.n_pilot, np.nan), ~mission.told[: mission.n_pilot]
+    scores, flags = _judge_pilot(mission)
     judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
     has_neighbours = mission.option("model.name") == "vecchia"
     taught = neighbourhoods(mission, judgements) if has_neighbours else repeat_forever(None)
@@ -76,6 +76,13 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     return judgements
 
 
+def _judge_pilot(mission: StoredMission) -> tuple[Floats, Booleans]:
+    """Judge the pilot, if it was, before any model that is known."""
+    n, nobody = mission.n_pilot, np.empty(0, dtype=np.int64)
+    judged = np.full(n, bool(mission.option("detector.judge_pilot")))
+    return _judge_told(mission, 0, np.ones(n, dtype=bool), judged, nobody, None)
+
+
 def _unrepeatable(mission: StoredMission) -> str:
     """Say why the detector cannot be repeated, as when it is the user's own; empty if it can."""
     name = str(mission.option("detector.name"))
@@ -85,6 +92,8 @@ def _unrepeatable(mission: StoredMission) -> str:
         return f"the audit does not know detector={name}"
     if name == "gp_residual" and mission.is_own("model"):
         return "the detector asks the model, which is the user's own"
+    if name == "gp_residual" and mission.option("detector.judge_pilot"):
+        return "the detector asked a model of the whole pilot, which no table holds"
     if name in COMPARING and (n := len(mission.samples)) > MOST_COMPARED:
         return f"the detector compares {n} samples with each other, {MOST_COMPARED} are repeated"
     if name.startswith("pyod_") and not _is_tame(mission):
@@ -235,9 +244,13 @@ def _stored_judgements(mission: StoredMission) -> list[tuple[Floats, Booleans] |
     judgements: list[tuple[Floats, Booleans] | None] = []
     for e in range(last + 1):
         n = int(np.sum(mission.epoch <= e))
-        known = e in (0, last) or mission.option("detector.scope") == "batch"
-        nothing = (np.full(n, np.nan), ~mission.told[:n])
-        judgements.append((nothing if e == 0 else (scores[:n], flags[:n])) if known else None)
+        unjudged = e == 0 and not mission.option("detector.judge_pilot")
+        if unjudged:
+            judgements.append((np.full(n, np.nan), ~mission.told[:n]))
+        elif e == last or mission.option("detector.scope") == "batch":
+            judgements.append((scores[:n], flags[:n]))
+        else:
+            judgements.append(None)
     return judgements
 
 
@@ -300,7 +313,7 @@ def check_confusion(mission: StoredMission) -> str | Partial:
     for e, judgement in enumerate(mission.judgements):
         n = int(np.sum(mission.epoch <= e))
         judged = (mission.epoch[:n] == e) | historical
-        if e == 0:
+        if e == 0 and not mission.option("detector.judge_pilot"):
             judged[:] = False
         spiked, stored = outlier[:n], mission.curves.iloc[e]
         if judgement is None:

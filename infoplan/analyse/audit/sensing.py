@@ -115,6 +115,7 @@ def _spikes(mission: StoredMission) -> pd.DataFrame:
         records += [
             {
                 "sample": i,
+                "epoch": e,
                 "rank": (position + 0.5) / len(batch),
                 "batch": len(batch),
                 "size": measured[i] - truth[i],
@@ -125,8 +126,8 @@ def _spikes(mission: StoredMission) -> pd.DataFrame:
             if spiked[i]
         ]
     return pd.DataFrame(
-        records, columns=["sample", "rank", "batch", "size", "narrow", "wide"]
-    ).astype({"sample": np.int64})
+        records, columns=["sample", "epoch", "rank", "batch", "size", "narrow", "wide"]
+    ).astype({"sample": np.int64, "epoch": np.int64})
 
 
 def check_spike_size(mission: StoredMission) -> str:
@@ -149,6 +150,13 @@ def check_spike_size(mission: StoredMission) -> str:
     return f"{len(spikes)} spikes from {size.min():.4g} to {size.max():.4g}"
 
 
+def _demand_one_sign(spikes: pd.DataFrame, mission: StoredMission) -> None:
+    """Check that all spikes of a batch, each clear of the noise, point the same way."""
+    for e, batch in spikes.groupby("epoch"):
+        if batch["size"].min() < 0 < batch["size"].max():
+            raise FaultError(f"the spikes of epoch {e} point both ways, fault.draw=batch")
+
+
 def check_spike_draws(mission: StoredMission) -> str:
     """Check that amplitudes are uniform, signs and places in the batch even."""
     smallest, largest = (float(bound) for bound in mission.option("fault.amplitude"))
@@ -161,6 +169,9 @@ def check_spike_draws(mission: StoredMission) -> str:
         shift = spikes["rank"].mean() - 0.5
         if not abs(shift) <= stats.norm.isf(CHANCE / 2) * math.sqrt(variance) + ROUNDING:
             raise FaultError(f"{m} spikes lie {shift:+.3f} of a batch off its middle on average")
+    if mission.option("fault.draw") == "batch":
+        _demand_one_sign(spikes[spikes["size"].abs() > reach], mission)
+        spikes = spikes.drop_duplicates("epoch")  # one draw each
     middle = (spikes["narrow"] + spikes["wide"]) / 2
     # Only spikes far above the noise tell their sign and amplitude.
     blur = (reach + largest * (spikes["wide"] - spikes["narrow"]) / 2) / middle.where(middle > 0)
