@@ -456,12 +456,14 @@ def claims(
 @setting("table", UserPath(), "numbers that an earlier call has written; worked out anew from "
          "the results, and written there, if left out")  # fmt: skip
 @setting("universe", Text(), "tell about one alone, and how to fly it")
+@setting("claim", Text(), "tell what moves one claim, as C4, and draw the choices below its curve")
 @click.option("--list", "listed", is_flag=True, help="name all universes, flown or not")
 def multiverse(
     results_dir: Path,
     run: str | list[str] | None,
     table: Path | None,
     universe: str | None,
+    claim: str | None,
     listed: bool,
     filters: dict[str, Any],
 ) -> int:
@@ -470,7 +472,9 @@ def multiverse(
 
     if listed:
         return list_universes()
-    return multiverse(results_dir, table, universe, {"run": run, **_wanted(results_dir, filters)})
+    return multiverse(
+        results_dir, table, universe, claim, {"run": run, **_wanted(results_dir, filters)}
+    )
 
 
 @command_on_runs(

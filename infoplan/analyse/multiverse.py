@@ -98,7 +98,8 @@ class JointTest:
     mean_t, p_mean_t
         Mean over universes of Student's t, and how often that of flipped signs is as far from zero.
     flips
-        How many sign flips there are: no p is below two in so many.
+        How many sign flips there are: no p is below two in so many; of a single seed there is no
+        test, and the numbers are NaN.
     """
 
     median: float
@@ -270,6 +271,8 @@ def joint_test(curve: ClaimCurve) -> JointTest:
     """Test a claim's effect over all universes at once, by all sign flips of the seeds."""
     effects = curve.effects[:, np.isfinite(curve.effects).all(axis=0)]
     n = effects.shape[1]
+    if n < 2:
+        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
     signs = np.array(list(product((1.0, -1.0), repeat=n)))
     medians, shares_, mean_ts = (np.empty(len(signs)) for _ in range(3))
     for place, flipped in enumerate(signs):

@@ -1,6 +1,7 @@
 """The multiverse in words: claims over all universes, what moves them, and single universes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -14,7 +15,7 @@ from infoplan.draw.claims_table import COLOURS, effect
 from infoplan.draw.console import say, say_command
 from infoplan.draw.table_layout import Cell, TextColumn, print_table
 from infoplan.study.universes import CHOICES, DEFAULT, Universe
-from infoplan.wording import counted, figure
+from infoplan.wording import counted, figure, interval
 
 FEW = 0.02
 """A choice that explains less of a claim's variance is not named."""
@@ -52,6 +53,56 @@ def print_multiverse(
                  f"of the {len(nearest)} universes that come nearest to the authors' clip; joint "
                  "p: that the effect's median over universes is chance, by sign flips of the "
                  "seeds")  # fmt: skip
+
+
+def print_claim(
+    multiverse: Multiverse,
+    curve: ClaimCurve,
+    alone: pd.DataFrame,
+    jointly: pd.DataFrame,
+    pairs: pd.DataFrame,
+    console: Console,
+) -> None:
+    """Print how much every level moves the effect that binds a claim, alone and jointly."""
+    unit = f", {curve.unit}" if curve.unit else ""
+    say(console, f"{curve.name} {curve.text}: {curve.what}{unit}", style="bold")
+    columns = [
+        TextColumn("choice"),
+        TextColumn("level"),
+        TextColumn("alone [95 %]", right=True),
+        TextColumn("verdict"),
+        TextColumn("jointly [95 %]", right=True),
+        TextColumn("share", right=True, spare=2),
+        TextColumn("p", right=True, spare=1),
+    ]
+    rows: list[list[Cell] | None] = []
+    singly, together = (
+        {(row["choice"], row["level"]): row for row in table.to_dict("records")}
+        for table in (alone, jointly)
+    )
+    for choice in CHOICES:
+        for level in choice.levels:
+            one, other = singly.get((choice.name, level)), together.get((choice.name, level))
+            if one or other:
+                verdict = str(one["verdict"]) if one else ""
+                rows.append([
+                    choice.name, level, _moved(one), Text(verdict, style=COLOURS.get(verdict, "")),
+                    _moved(other), f"{100 * other['share']:.0f} %" if other else "",
+                    figure(other["p"]) if other else "",
+                ])  # fmt: skip
+    print_table(console, heading(multiverse), columns, rows, named=2)
+    for pair in pairs.to_dict("records"):
+        named = f"{pair['first']} x {pair['second']}: {100 * pair['share']:.0f} % more"
+        told = f"{named}, p {figure(pair['p'])}; {pair['levels']}: {_moved(pair)}"
+        say(console, told, indent="    ")
+    say(console, "alone: against the defaults, paired by seed; jointly: whatever the other choices "
+                 "are, by least squares over all universes; share: of the variance over universes "
+                 "that only this choice explains, p of its F test by Holm; pairs: what both "
+                 "together do beyond both alone")  # fmt: skip
+
+
+def _moved(effect: Mapping[Any, Any] | None) -> str:
+    return interval(effect["mean"], effect["low"], effect["high"]) if effect else ""
 
 
 def print_universe(

@@ -20,10 +20,13 @@ DEFAULT = "default"
 """Name of the universe of all defaults."""
 
 JOINT = 72
-"""So many joint universes: a multiple of the numbers of levels, 2, 3, 4 and 6."""
+"""So many joint universes: a multiple of the numbers of levels."""
 
 SEED = 0
 """Of the joint design."""
+
+OF_LATER_EPOCHS = ("model.noise_start", "model.optimizer_state")
+"""Options without use where hyperparameters stay as the pilot made them."""
 
 Overrides = Mapping[str, str]
 
@@ -67,7 +70,7 @@ CHOICES = (
     Choice("pilot", {
         "clean": {},
         "spiky": {"pilot.outliers": "true"},
-        "spiky, judged": {"pilot.outliers": "true", "pilot.judged": "true"},
+        "spiky, judged": {"pilot.outliers": "true", "detector.judge_pilot": "true"},
     }),
     _of("detector.score", "pyod", "paper", methods=FILTERED),
     Choice("learning", {
@@ -80,16 +83,18 @@ CHOICES = (
     }),
     _of("planner.execute_actions", "all", "2", "1", name="actions driven"),
     _of("planner.average", "driven", "planned"),
-    _of("planner.border", "struck", "visit", "zero"),
+    _of("planner.border", "struck", "visit", "terminal"),
+    _of("planner.rollout_step", "action", "sample", name="rollout step"),
     _of("detector.contamination", "0.1", "0.05", "0.2", methods=FILTERED),
     _of("fault.count", "round", "floor", "bernoulli", name="spike count"),
+    _of("fault.draw", "spike", "batch", name="spike draw"),
     _of("robot.speed", "0.7", "0.4", "1"),
     _of("planner.exploration", "0.3", "0.1", "1"),
     _of("planner.smoothing", "2", "1", "4", methods=("PUCT-COPOD",)),
     _of("planner.noisy_std", "false", "true", name="noisy deviation"),
     _of("model.min_lengthscale", "none", "1", name="lengthscale floor"),
     _of("model.learning_rate", "0.01", "0.003", "0.03", name="learning rate"),
-    _of("model.adam_state", "kept", "reset", name="Adam's state"),
+    _of("model.optimizer_state", "carried", "reset", name="optimiser's state"),
 )  # fmt: skip
 """The choices, those first of which most is expected."""
 
@@ -115,6 +120,11 @@ class Universe:
         for choice in CHOICES:
             if method in choice.methods:
                 options |= choice.levels[self.levels[choice.name]]
+        if method == "UCT-NONE":
+            options.pop("detector.judge_pilot", None)
+        if options.get("model.iterations") == "0":
+            for name in OF_LATER_EPOCHS:
+                options.pop(name, None)
         return options
 
     def lines(self) -> Iterator[str]:
