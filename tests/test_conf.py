@@ -3,14 +3,15 @@
 import inspect
 import re
 import runpy
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
 import yaml
 
-from infoplan.config import GROUPS, METHODS, Config, MissionConfig
+import infoplan
+from infoplan.config import GROUPS, METHODS, Config, MissionConfig, validate
 from infoplan.methods import find
 from infoplan.options import walk
 
@@ -61,16 +62,49 @@ def test_what_is_derived_is_as_the_code_says():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: make derived"
 
 
-def test_the_page_of_choices_tells_the_defaults():
+def choices(column: int) -> list[tuple[str, str]]:
+    """Options and values in a column of the table of choices: 2 defaults, 3 other readings."""
     page = Path(__file__).parents[1] / "docs" / "choices.md"
+    text, _, _ = page.read_text(encoding="utf-8").partition("\n## ")
+    cells = [row.split("|")[column] for row in text.splitlines() if row.count("|") == 4]
+    paragraph = text[text.index("The paper's own numbers") :].split("\n\n")[0]
+    told = "".join(cells) + (paragraph if column == 2 else "")
+    return re.findall(r"`([a-z_.]+)=([^`]+)`", told)
+
+
+def as_number(value: str) -> object:
+    """Read a value as the command line does: YAML takes 1e-6 for text."""
+    return float(value) if re.fullmatch(r"\de-\d", value) else yaml.safe_load(value)
+
+
+def test_the_page_of_choices_tells_the_defaults():
     defaults = {name: value for name, value, _ in walk(Config())}
-    told = re.findall(r"`([a-z_.]+)=([^`]+)`", page.read_text(encoding="utf-8"))
-    assert len(told) > 25
+    told = choices(2)
+    assert len(told) > 35
     for name, value in told:
         if name != "terrain":
-            # YAML takes 1e-6 for text, the command line for a number.
-            found = float(value) if re.fullmatch(r"\de-\d", value) else yaml.safe_load(value)
-            assert found == defaults[name], name
+            assert as_number(value) == defaults[name], name
+
+
+def test_every_other_reading_on_the_page_can_be_chosen():
+    told, seen = choices(3), [Config()]
+    assert len(told) > 20
+    for name, value in told:
+        config, (group, option) = Config(), name.split(".")
+        part = getattr(config, group)
+        assert hasattr(part, option), name
+        setattr(config, group, replace(part, **{option: as_number(value)}))
+        validate(config)
+        assert config not in seen, name
+        seen.append(config)
+
+
+def test_other_readings_can_be_joined():
+    told = [f"{name}={value}" for name, value in dict(choices(3)[::-1]).items()]
+    config = infoplan.configure(*[one for one in told if one != "model.iterations=0"])
+    assert (config.planner.border, config.planner.average) == ("visit", "planned")
+    assert (config.model.noise_start, config.model.optimizer_state) == ("restarted", "reset")
+    assert config.detector.judge_pilot
 
 
 @pytest.mark.parametrize(("group", "choice"), BUILT_IN)

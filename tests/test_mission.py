@@ -95,6 +95,20 @@ def test_a_judged_pilot_teaches_the_model_what_is_not_flagged(copod, volcano, sc
     assert np.array_equal(last, told) == (scope == "batch")
 
 
+@pytest.mark.parametrize("optimizer", ["adam", "lbfgs"])
+@pytest.mark.parametrize("model", ["gp", "student_t", "vecchia", "rcgp"])
+def test_without_iterations_an_epoch_leaves_the_hyperparameters(small, volcano, model, optimizer):
+    small.model = replace(
+        METHODS["model"][model], pilot_iterations=10, iterations=0, optimizer=optimizer
+    )
+    small.budget = 150
+    rows, _ = flown(small, volcano)
+    learned = {(r.amplitude, r.lengthscale_1, r.lengthscale_2, r.noise_std) for r in rows}
+    assert len(rows) > 1
+    assert len(learned) == 1
+    assert rows[-1].rmse != rows[0].rmse
+
+
 def test_the_best_detector_judges_the_pilot_where_that_is_asked_for(small, volcano):
     small.pilot.outliers, small.budget = True, 160
     small.detector = DetectorConfig(name="best", judge_pilot=True)

@@ -36,6 +36,25 @@ def said(words: list[str], capfd: pytest.CaptureFixture[str]) -> str:
     return told.err
 
 
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("model=itgp model.noise_start=restarted", "has no option 'model.noise_start'"),
+        ("model.noise_start=restarted model.iterations=0", "leave model.noise_start=carried"),
+        ("model.optimizer_state=reset model.iterations=0", "leave model.optimizer_state=carried"),
+        ("model.noise_start=floor", "use carried or restarted"),
+        ("planner.average=all", "use driven or planned"),
+        ("planner.border=zero", "use struck, visit or terminal"),
+        ("planner.rollout_step=metre", "use action or sample"),
+        ("fault.draw=mission", "use spike or batch"),
+        ("detector.judge_pilot=maybe", "detector.judge_pilot must be true or false"),
+        ("planner=greedy planner.average=planned", "has no option 'planner.average'"),
+    ],
+)
+def test_a_reading_that_there_is_not_is_named(line, words, capfd):
+    assert words in said(line.split(), capfd)
+
+
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_a_wrong_experiment_is_named(name, tmp_path, capfd, monkeypatch):
     monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)

@@ -6,7 +6,6 @@ in the workspace: then the robot turns on the spot and the planner is asked agai
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,42 +18,73 @@ Actions = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
-def uct(situation: Situation, rng: np.random.Generator, **options: Any) -> Actions:
+def uct(
+    situation: Situation,
+    rng: np.random.Generator,
+    *,
+    iterations: int = 500,
+    rollouts: int = 5,
+    rollout_step: str = "action",
+    exploration: float = 0.3,
+    average: str = "driven",
+    border: str = "struck",
+) -> Actions:
     """Plan by tree search with the upper confidence bound; reward: the planner's own.
 
     Parameters
     ----------
     situation, rng
         As for any planner.
-    **options
-        ``iterations=500``, ``rollouts=5``, ``rollout_step="action"``, ``exploration=0.3``,
-        ``average="driven"``, ``border="struck"``, as `infoplan.plan.search` takes them.
+    iterations, rollouts, rollout_step, exploration, average, border
+        As `infoplan.plan.search` takes them.
 
     Returns
     -------
     ndarray of int64
         The most visited path of the tree.
     """
-    return _most_visited(situation, rng, normalise(situation.reward_map)[np.newaxis], **options)
+    rewards = normalise(situation.reward_map)[np.newaxis]
+    options = (iterations, rollouts, rollout_step, exploration, average, border)
+    return _most_visited(situation, rng, rewards, *options)
 
 
-def puct(situation: Situation, rng: np.random.Generator, **options: Any) -> Actions:
+def puct(
+    situation: Situation,
+    rng: np.random.Generator,
+    *,
+    iterations: int = 500,
+    rollouts: int = 5,
+    rollout_step: str = "action",
+    exploration: float = 0.3,
+    average: str = "driven",
+    border: str = "struck",
+) -> Actions:
     """Plan by Pareto tree search (the paper's method); rewards: its own, outlier density.
 
     Parameters and result as for `uct`.
     """
     rewards = np.stack([normalise(situation.reward_map), normalise(situation.outlier_density)])
-    return _most_visited(situation, rng, rewards, **options)
+    options = (iterations, rollouts, rollout_step, exploration, average, border)
+    return _most_visited(situation, rng, rewards, *options)
 
 
 def weighted(
-    situation: Situation, rng: np.random.Generator, *, weight: float = 0.5, **options: Any
+    situation: Situation,
+    rng: np.random.Generator,
+    *,
+    iterations: int = 500,
+    rollouts: int = 5,
+    rollout_step: str = "action",
+    exploration: float = 0.3,
+    average: str = "driven",
+    border: str = "struck",
+    weight: float = 0.5,
 ) -> Actions:
     """Plan as `uct`, on a weighted sum of the two rewards of `puct`, each with maximum 1.
 
     Parameters
     ----------
-    situation, rng, **options
+    situation, rng, iterations, rollouts, rollout_step, exploration, average, border
         As for `uct`.
     weight
         Of the outlier density, from 0 (`uct` itself) to 1; the other reward has the rest.
@@ -66,7 +96,8 @@ def weighted(
     """
     density = normalise(situation.outlier_density)
     rewards = (1.0 - weight) * normalise(situation.reward_map) + weight * density
-    return _most_visited(situation, rng, rewards[np.newaxis], **options)
+    options = (iterations, rollouts, rollout_step, exploration, average, border)
+    return _most_visited(situation, rng, rewards[np.newaxis], *options)
 
 
 def greedy(situation: Situation, rng: np.random.Generator, *, actions: int = 6) -> Actions:
@@ -106,13 +137,12 @@ def _most_visited(
     situation: Situation,
     rng: np.random.Generator,
     rewards: Floats,
-    *,
-    iterations: int = 500,
-    rollouts: int = 5,
-    rollout_step: str = "action",
-    exploration: float = 0.3,
-    average: str = "driven",
-    border: str = "struck",
+    iterations: int,
+    rollouts: int,
+    rollout_step: str,
+    exploration: float,
+    average: str,
+    border: str,
 ) -> Actions:
     """Search with as many objectives as there are reward maps."""
     tree = search(

@@ -245,6 +245,14 @@ def test_what_does_not_fit_is_told(options, sentence, tmp_path, capsys):
     assert sentence in capsys.readouterr().err
 
 
+def test_a_judged_pilot_needs_no_further_batch(tmp_path):
+    log = write_log(tmp_path / "bay.csv")
+    run = survey(tmp_path, log, *QUICK, "detector.scope=batch", "detector.judge_pilot=true")
+    samples, curves = table(tmp_path, "samples", run), table(tmp_path, "curves", run)
+    assert set(SPIKES) <= set(np.flatnonzero(samples["flagged"]))
+    assert curves["accepted"].tolist()[0] < 79
+
+
 def test_a_log_must_be_named_and_be_there(tmp_path, capsys):
     assert main(["survey"]) == 2
     assert "takes the log of a survey" in capsys.readouterr().err
