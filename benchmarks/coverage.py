@@ -7,20 +7,18 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from math import isfinite
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from infoplan.analyse.claims import COMPARISONS, MARGIN, NONE, SHARES, UCT, Measures
+from infoplan.analyse.claims import COMPARISONS, NONE, SHARES, UCT
 from infoplan.analyse.judging import Comparison, Stated, corrected, overall
+from infoplan.analyse.measures import MARGIN
 from infoplan.analyse.statistics import mean_band, probability_below_zero, stratified_mean
-from infoplan.analyse.tables import Selection
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +101,7 @@ def missed(kind: str, skew: float, n: int, trials: int, seed: int = 0) -> Missed
 
 
 @dataclass
-class MadeUp(Measures):
+class MadeUp:
     """Numbers of methods that are all alike: one number a seed and trial, one trial after another.
 
     Attributes
@@ -118,19 +116,13 @@ class MadeUp(Measures):
         Where numbers come from.
     """
 
-    size: int = 0
+    size: int
+    rng: np.random.Generator
     skew: float = 0.0
     spread: float = 1.0
-    rng: np.random.Generator = None  # type: ignore[assignment]
-
-    def __post_init__(self) -> None:
-        """Begin without numbers."""
-        self.known: dict[tuple[object, ...], pd.Series[float]] = {}
-
-    @cached_property
-    def margin(self) -> float:
-        """Any."""
-        return 60.0
+    unit: str = "ft"
+    margin: float = 60.0
+    known: "dict[tuple[object, ...], pd.Series[float]]" = field(default_factory=dict)
 
     def numbers(self, name: str, method: str, rho: float, scope: str) -> "pd.Series[float]":
         """Draw numbers, once."""
@@ -170,11 +162,9 @@ def verdicts(
     name: str, shift: Shift, n: int, trials: int, *, skew: float = 0.0, seed: int = 0
 ) -> Counter[str]:
     """Judge a claim by made-up numbers, many times."""
-    none = pd.DataFrame({"run": [], "seed": []})
-    nowhere = Selection(Path(), none, {}, "nowhere", "ft", 2000, ())
     spread = SPREAD_EQUAL if shift is equal else SPREAD_AT_BOUND
     rng = np.random.default_rng([seed, n, int(name[1:])])
-    made = COMPARISONS[name](MadeUp(nowhere, size=n * trials, skew=skew, spread=spread, rng=rng))
+    made = COMPARISONS[name](MadeUp(n * trials, rng, skew, spread))
     effects = [
         (shift(i, one.stated) + np.array(list(one.values.values()))).reshape(trials, n)
         for i, one in enumerate(made)
@@ -192,9 +182,7 @@ def _verdict(made: Sequence[Comparison], rows: Iterable[Floats]) -> str:
 
 def false_when_equal(name: str) -> str:
     """Which verdict is false if all methods are alike and nothing is lost or gained."""
-    none = pd.DataFrame({"run": [], "seed": []})
-    nowhere = Selection(Path(), none, {}, "nowhere", "ft", 2000, ())
-    made = COMPARISONS[name](MadeUp(nowhere, size=1, rng=np.random.default_rng(0)))
+    made = COMPARISONS[name](MadeUp(1, np.random.default_rng(0)))
     holds = all(one.stated.low < 0 < one.stated.high for one in made)
     return "contradicted" if holds else "supported"
 

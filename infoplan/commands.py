@@ -448,6 +448,36 @@ def claims(
 
 
 @command_on_runs(
+    "multiverse",
+    help="What the paper's claims hang on: each in every reading of what the paper leaves open.",
+    examples=["infoplan multiverse model.name=vecchia", "infoplan multiverse 'universe=joint 7'",
+              "infoplan multiverse table=results/multiverse.parquet"],
+)  # fmt: skip
+@setting("table", UserPath(), "numbers that an earlier call has written; worked out anew from "
+         "the results, and written there, if left out")  # fmt: skip
+@setting("universe", Text(), "tell about one alone, and how to fly it")
+@setting("claim", Text(), "tell what moves one claim, as C4, and draw the choices below its curve")
+@click.option("--list", "listed", is_flag=True, help="name all universes, flown or not")
+def multiverse(
+    results_dir: Path,
+    run: str | list[str] | None,
+    table: Path | None,
+    universe: str | None,
+    claim: str | None,
+    listed: bool,
+    filters: dict[str, Any],
+) -> int:
+    """Sum up the multiverse."""
+    from infoplan.multiverse_command import list_universes, multiverse
+
+    if listed:
+        return list_universes()
+    return multiverse(
+        results_dir, table, universe, claim, {"run": run, **_wanted(results_dir, filters)}
+    )
+
+
+@command_on_runs(
     "report",
     help="Write curves, claims and maps as one HTML page.",
     examples=["infoplan report terrain=volcano"],

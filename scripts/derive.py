@@ -17,6 +17,7 @@ import yaml
 from infoplan.config import KERNELS, METHODS, TERRAIN_SCHEMAS, Config, MissionConfig
 from infoplan.model.kernels import as_kernel
 from infoplan.options import allowed_values
+from infoplan.study.universes import universes
 from infoplan.tables import TABLES
 
 ROOT = Path(__file__).parents[1]
@@ -37,6 +38,8 @@ def derived() -> Iterator[tuple[Path, str]]:
         for choice, schema in choices.items():
             path = ROOT / "conf" / group / f"{choice}.yaml"
             yield path, _head(path, group, choice, schema) + _options(schema)
+    path = ROOT / "conf" / "experiment" / "multiverse.yaml"
+    yield path, _sweep(path)
     root = ROOT / "conf" / "config.yaml"
     head, _, rest = root.read_text(encoding="utf-8").partition("\n\n")
     _, _, hydra = rest.partition("\nhydra:\n")
@@ -49,6 +52,19 @@ def derived() -> Iterator[tuple[Path, str]]:
         yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
     page = ROOT / "docs" / "kernels.md"
     yield page, KERNELS_TABLE.sub(_kernels_table, page.read_text(encoding="utf-8"))
+
+
+def _sweep(path: Path) -> str:
+    """Write the sweep of the multiverse: a comment and the entries of a universe, one after other.
+
+    What stands above the entries is written by hand.
+    """
+    head, _, _ = path.read_text(encoding="utf-8").partition("\nsweep:\n")
+    entries = [
+        f"  # {universe.name}\n" + "".join(f"  - {line}\n" for line in universe.lines())
+        for universe in universes()
+    ]
+    return f"{head}\nsweep:\n{''.join(entries)}"
 
 
 def _options_table(found: re.Match[str]) -> str:

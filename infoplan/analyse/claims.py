@@ -1,35 +1,24 @@
 """The paper's claims against the stored results."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import combinations
+from typing import Protocol
 
-import numpy as np
 import pandas as pd
 
-from infoplan.analyse.commands import Wanted, commands
-from infoplan.analyse.curves import EARLY, LATE, collapsed_ends, missions, summarise
-from infoplan.analyse.detection import detector_options, rejudge
+from infoplan.analyse.commands import commands
+from infoplan.analyse.curves import EARLY, LATE
 from infoplan.analyse.judging import Claim, Comparison, Stated, corrected, with_holm
-from infoplan.analyse.relief import relief_at
-from infoplan.analyse.tables import Selection, load_curves, load_maps, load_samples
-from infoplan.collapse import counted_ends
+from infoplan.analyse.measures import MARGIN, Measures
+from infoplan.analyse.tables import Selection
 
 NONE, BEST, UCT, PUCT = "UCT-NONE", "UCT-BEST", "UCT-COPOD", "PUCT-COPOD"
 METHODS = (NONE, BEST, UCT, PUCT)
 """The paper's four methods."""
 
-MARGIN = 0.05
-"""What is negligible: of shares five points in a hundred, of elevations and errors this share of
-the terrain's standard deviation."""
-
 HIGHER, LOWER = Stated(low=1.0), Stated(high=-1.0)
 ALIKE, NOT_LOWER = Stated(-1.0, 1.0), Stated(low=-1.0)
 """Sides that claims state, in margins: an effect that is negligible is none."""
-
-NEARBY = 2.0
-"""A sample this near to a flagged one has gone back to it, workspace units."""
 
 TEXTS = {
     "C1": "rho 0.05: all methods differ negligibly",
@@ -100,153 +89,116 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
     return with_holm(claims)
 
 
-@dataclass
-class Measures:
-    """Numbers a mission, worked out when a comparison asks for them.
+class Numbers(Protocol):
+    """Where the numbers that claims compare come from."""
 
-    Attributes
-    ----------
-    selection
-        Where they come from.
-    missing
-        Runs that were asked for and are not there.
-    asked
-        Runs that were asked for and are there, by method.
-    """
+    @property
+    def unit(self) -> str:
+        """Unit of elevations and errors."""
 
-    selection: Selection
-    missing: list[Wanted] = field(default_factory=list)
-    asked: dict[str, str] = field(default_factory=dict)
-
-    @cached_property
-    def curves(self) -> pd.DataFrame:
-        """The curves of all missions."""
-        return load_curves(self.selection)
-
-    @cached_property
-    def summaries(self) -> pd.DataFrame:
-        """Curves summed up, one row a mission."""
-        summaries = summarise(self.curves)
-        summaries["rise"] = summaries["final"] - summaries["minimum"]
-        return summaries
-
-    @cached_property
-    def ends(self) -> dict[tuple[str, int], bool | None]:
-        """Whether each mission ends with a collapsed model."""
-        return collapsed_ends(self.curves, self.selection.results_dir)
-
-    @cached_property
+    @property
     def margin(self) -> float:
-        """Margin of elevations and errors, the terrain's unit."""
-        first = self.selection.missions["run"].iloc[0]
-        return MARGIN * float(load_maps(self.selection.only([first]))["truth"].std(ddof=0))
-
-    def collapsed(self) -> dict[str, tuple[int, int]]:
-        """How many missions of the runs asked for end collapsed, of how many, by method."""
-        return {
-            method: counted_ends([end for (name, _), end in self.ends.items() if name == run])
-            for method, run in self.asked.items()
-        }
+        """What is negligible of elevations and errors, in that unit."""
 
     def numbers(self, name: str, method: str, rho: float, scope: str) -> "pd.Series[float] | None":
-        """One number a seed; None if there is no such run, which is noted."""
-        run = self.selection.run(method, rho, scope)
-        if run is None:
-            self.missing.append((method, rho, scope))
-            return None
-        self.asked[method] = run
-        if name in MEASURES:
-            return MEASURES[name](self.selection.only([run]))
-        of_run = self.summaries.xs(run, level="run")
-        return of_run[name]
-
-    def single(
-        self, name: str, method: str, side: Stated, rho: float, scope: str = "batch"
-    ) -> Comparison:
-        """Compare a number of one method with the bounds stated, which are in margins."""
-        effect = self.numbers(name, method, rho, scope)
-        return self._comparison(f"{method}: {WORDS[name]}", name, side, effect)
-
-    def pair(
-        self, name: str, a: str, b: str, side: Stated, rho: float = 0.1, scope: str = "batch"
-    ) -> Comparison:
-        """Compare two methods by the difference a - b, paired by seed; the bounds in margins."""
-        first, second = self.numbers(name, a, rho, scope), self.numbers(name, b, rho, scope)
-        effect = None if first is None or second is None else first - second
-        return self._comparison(f"{a} - {b}: {WORDS[name]}", name, side, effect)
-
-    def _comparison(
-        self, what: str, name: str, side: Stated, effect: "pd.Series[float] | None"
-    ) -> Comparison:
-        unit = "" if name in SHARES else self.selection.unit
-        stated = side.times(MARGIN if name in SHARES else self.margin)
-        known = [] if effect is None else effect.dropna().sort_index().items()
-        values = {int(str(seed)): float(value) for seed, value in known}
-        lacks = ""
-        if effect is None:
-            lacks = "a run is missing"
-        elif not values:
-            lacks = "not reached" if name in ("early", "late") else "no seed has it"
-        return Comparison(what, unit, stated, values, lacks=lacks)
+        """Give one number a seed, of `WORDS`; None if there is no such run."""
 
 
-def _c1(e: Measures) -> list[Comparison]:
-    return [e.pair("final", a, b, ALIKE, 0.05) for a, b in combinations(METHODS, 2)]
+def single(
+    e: Numbers, name: str, method: str, side: Stated, rho: float, scope: str = "batch"
+) -> Comparison:
+    """Compare a number of one method with the bounds stated, which are in margins."""
+    effect = e.numbers(name, method, rho, scope)
+    return _comparison(e, f"{method}: {WORDS[name]}", name, side, effect)
 
 
-def _c2(e: Measures) -> list[Comparison]:
-    return [e.pair("final", BEST, other, LOWER) for other in (NONE, UCT, PUCT)]
+def pair(
+    e: Numbers,
+    name: str,
+    a: str,
+    b: str,
+    side: Stated,
+    rho: float = 0.1,
+    scope: str = "batch",
+) -> Comparison:
+    """Compare two methods by the difference a - b, paired by seed; the bounds in margins."""
+    first, second = e.numbers(name, a, rho, scope), e.numbers(name, b, rho, scope)
+    effect = None if first is None or second is None else first - second
+    return _comparison(e, f"{a} - {b}: {WORDS[name]}", name, side, effect)
 
 
-def _c3(e: Measures) -> list[Comparison]:
+def _comparison(
+    e: Numbers, what: str, name: str, side: Stated, effect: "pd.Series[float] | None"
+) -> Comparison:
+    unit = "" if name in SHARES else e.unit
+    stated = side.times(MARGIN if name in SHARES else e.margin)
+    known = [] if effect is None else effect.dropna().sort_index().items()
+    values = {int(str(seed)): float(value) for seed, value in known}
+    lacks = ""
+    if effect is None:
+        lacks = "a run is missing"
+    elif not values:
+        lacks = "not reached" if name in ("early", "late") else "no seed has it"
+    return Comparison(what, unit, stated, values, lacks=lacks)
+
+
+def _c1(e: Numbers) -> list[Comparison]:
+    return [pair(e, "final", a, b, ALIKE, 0.05) for a, b in combinations(METHODS, 2)]
+
+
+def _c2(e: Numbers) -> list[Comparison]:
+    return [pair(e, "final", BEST, other, LOWER) for other in (NONE, UCT, PUCT)]
+
+
+def _c3(e: Numbers) -> list[Comparison]:
     # No final RMSE is below the minimum: how far chance alone lies above it, BEST's shows.
-    rises = e.pair("rise", NONE, BEST, HIGHER)
-    return [rises, *(e.pair("final", NONE, other, HIGHER) for other in (BEST, UCT, PUCT))]
+    rises = pair(e, "rise", NONE, BEST, HIGHER)
+    return [rises, *(pair(e, "final", NONE, other, HIGHER) for other in (BEST, UCT, PUCT))]
 
 
-def _c4(e: Measures) -> list[Comparison]:
+def _c4(e: Numbers) -> list[Comparison]:
     order = ((BEST, PUCT), (PUCT, UCT), (UCT, NONE))
-    return [e.pair("late", lower, higher, LOWER) for lower, higher in order]
+    return [pair(e, "late", lower, higher, LOWER) for lower, higher in order]
 
 
-def _c5(e: Measures) -> list[Comparison]:
-    return [e.pair("early", UCT, NONE, HIGHER)]
+def _c5(e: Numbers) -> list[Comparison]:
+    return [pair(e, "early", UCT, NONE, HIGHER)]
 
 
-def _c6(e: Measures) -> list[Comparison]:
+def _c6(e: Numbers) -> list[Comparison]:
     return [
-        e.pair("final", UCT, NONE, NOT_LOWER, 0.15),
-        e.pair("final", PUCT, UCT, LOWER, 0.15),
-        e.pair("final", PUCT, NONE, LOWER, 0.15),
+        pair(e, "final", UCT, NONE, NOT_LOWER, 0.15),
+        pair(e, "final", PUCT, UCT, LOWER, 0.15),
+        pair(e, "final", PUCT, NONE, LOWER, 0.15),
     ]
 
 
-def _c7(e: Measures) -> list[Comparison]:
-    return [e.pair("final", m, NONE, NOT_LOWER, scope="historical") for m in (UCT, PUCT)]
+def _c7(e: Numbers) -> list[Comparison]:
+    return [pair(e, "final", m, NONE, NOT_LOWER, scope="historical") for m in (UCT, PUCT)]
 
 
-def _c8(e: Measures) -> list[Comparison]:
+def _c8(e: Numbers) -> list[Comparison]:
     # COPOD's contamination fixes how many are flagged: false alarms are the flags that are wrong.
-    return [e.pair("precision", PUCT, UCT, HIGHER)]
+    return [pair(e, "precision", PUCT, UCT, HIGHER)]
 
 
-def _c9(e: Measures) -> list[Comparison]:
-    return [e.single("relief_gap", method, HIGHER, 0.1) for method in (UCT, PUCT)]
+def _c9(e: Numbers) -> list[Comparison]:
+    return [single(e, "relief_gap", method, HIGHER, 0.1) for method in (UCT, PUCT)]
 
 
-def _c10(e: Measures) -> list[Comparison]:
-    return [e.pair("spread", NONE, BEST, LOWER), e.pair("std", NONE, BEST, HIGHER)]
+def _c10(e: Numbers) -> list[Comparison]:
+    return [pair(e, "spread", NONE, BEST, LOWER), pair(e, "std", NONE, BEST, HIGHER)]
 
 
-def _c11(e: Measures) -> list[Comparison]:
-    return [e.single("recall_lost", m, HIGHER, 0.1, "historical") for m in (UCT, PUCT)]
+def _c11(e: Numbers) -> list[Comparison]:
+    return [single(e, "recall_lost", m, HIGHER, 0.1, "historical") for m in (UCT, PUCT)]
 
 
-def _c12(e: Measures) -> list[Comparison]:
-    return [e.pair("returned", PUCT, UCT, HIGHER)]
+def _c12(e: Numbers) -> list[Comparison]:
+    return [pair(e, "returned", PUCT, UCT, HIGHER)]
 
 
-COMPARISONS: dict[str, Callable[[Measures], list[Comparison]]] = {
+COMPARISONS: dict[str, Callable[[Numbers], list[Comparison]]] = {
     "C1": _c1,
     "C2": _c2,
     "C3": _c3,
@@ -259,65 +211,4 @@ COMPARISONS: dict[str, Callable[[Measures], list[Comparison]]] = {
     "C10": _c10,
     "C11": _c11,
     "C12": _c12,
-}
-
-
-def relief_gap(run: Selection) -> "pd.Series[float]":
-    """Mean local relief at a mission's false alarms less that at its true negatives, by seed.
-
-    Over the samples after the pilot, as judged at the end; NaN without a false alarm.
-    """
-    maps = dict(missions(load_maps(run)))
-    gaps = {}
-    for key, samples in missions(load_samples(run)):
-        clean = samples[(samples["epoch"] > 0) & ~samples["is_outlier"].astype(bool)]
-        relief, flagged = relief_at(clean, maps[key]), clean["flagged"].to_numpy(dtype=bool)
-        both = flagged.any() and not flagged.all()
-        gaps[key[1]] = relief[flagged].mean() - relief[~flagged].mean() if both else np.nan
-    return pd.Series(gaps, dtype=float)
-
-
-def spread(run: Selection) -> "pd.Series[float]":
-    """Take the standard deviation of the final mean over the query grid, by seed."""
-    return load_maps(run).groupby("seed")["mean"].std(ddof=0)
-
-
-def mean_std(run: Selection) -> "pd.Series[float]":
-    """Take the mean of the final standard deviation over the query grid, by seed."""
-    return load_maps(run).groupby("seed")["std"].mean()
-
-
-def recall_lost(run: Selection) -> "pd.Series[float]":
-    """Recall of each epoch's own batch, pooled, less the recall over everything at the end."""
-    options = detector_options(run, run.missions["run"].iloc[0])
-    lost = {}
-    for (_, seed), samples in missions(load_samples(run)):
-        own = rejudge(samples, options)[["own_tp", "own_fn"]].sum()
-        spikes = samples[samples["is_outlier"].astype(bool)]
-        if len(spikes):
-            lost[seed] = own["own_tp"] / own.sum() - spikes["flagged"].mean()
-    return pd.Series(lost, dtype=float)
-
-
-def returned(run: Selection) -> "pd.Series[float]":
-    """Share of the samples after the pilot that lie near one flagged in an earlier epoch, by seed.
-
-    Samples of the same epoch do not count: its flags were not known when it was planned.
-    """
-    shares = {}
-    for (_, seed), samples in missions(load_samples(run)):
-        planned, flagged = samples[samples["epoch"] > 0], samples[samples["flagged"].astype(bool)]
-        x, places = planned[["x1", "x2"]].to_numpy(), flagged[["x1", "x2"]].to_numpy()
-        near = np.hypot(*(x[:, None] - places[None]).transpose(2, 0, 1)) <= NEARBY
-        earlier = flagged["epoch"].to_numpy()[None] < planned["epoch"].to_numpy()[:, None]
-        shares[seed] = (near & earlier).any(axis=1).mean()
-    return pd.Series(shares, dtype=float)
-
-
-MEASURES: dict[str, Callable[[Selection], "pd.Series[float]"]] = {
-    "relief_gap": relief_gap,
-    "spread": spread,
-    "std": mean_std,
-    "recall_lost": recall_lost,
-    "returned": returned,
 }

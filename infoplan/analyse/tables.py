@@ -18,7 +18,14 @@ from infoplan.analyse.configurations import (
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.files import user_path
-from infoplan.method_identity import NEVER_ERRS, REPLAY, labels, method_of
+from infoplan.method_identity import (
+    GP,
+    NEVER_ERRS,
+    PAPERS_CHOICES,
+    REPLAY,
+    labels,
+    method_of,
+)
 from infoplan.study.run_names import choose_run
 from infoplan.text_options import as_command, as_override, renamed
 from infoplan.wording import counted, harmless, suggest
@@ -214,12 +221,19 @@ def find_study(results_dir: str | Path, **filters: Any) -> Selection:
     return study_of(find_missions(results_dir, **filters))
 
 
-def study_of(selection: Selection) -> Selection:
+def study_of(selection: Selection, free: Iterable[str] = ()) -> Selection:
     """Keep the missions that differ in method, scope, rho and seed alone.
 
     Where runs with other options are there, too, those with the default options are taken, and the
     selection's notes say what was left out. Options of a planner, detector or model are its alone:
     they are compared among its own runs.
+
+    Parameters
+    ----------
+    selection
+        From `find_missions`.
+    free
+        Further options in which they may differ.
 
     Raises
     ------
@@ -229,13 +243,28 @@ def study_of(selection: Selection) -> Selection:
     of_detectors = {
         name for flat in selection.options.values() for name in flat if name.startswith("detector.")
     }
-    selection = _agreeing(selection, set(differing(selection.options)) - of_detectors)
-    selection = _agreeing(selection, set(differing(selection.options)))
+    free = set(free)
+    selection = _agreeing(selection, set(differing(selection.options)) - of_detectors - free)
+    selection = _agreeing(selection, set(differing(selection.options)) - free)
+    selection = _papers_methods(selection)
     seeds = selection.missions.groupby("run")["seed"].nunique()
     if seeds.min() == seeds.max():
         return selection
     note = f"the runs have {seeds.min()} to {seeds.max()} seeds; pairs use the seeds both have"
     return replace(selection, notes=tuple(dict.fromkeys((*selection.notes, note))))
+
+
+def _papers_methods(selection: Selection) -> Selection:
+    """Call the paper's methods by their names, too, where all have one other model."""
+    models = {str(flat["model.name"]) for flat in selection.options.values()}
+    methods = {run: method_of(flat) for run, flat in selection.options.items()}
+    named = {run: replace(one, model=GP).label for run, one in methods.items()}
+    own = {one.model for one in methods.values()} == {GP}
+    if own or len(models) > 1 or not set(named.values()) <= set(PAPERS_CHOICES):
+        return selection
+    missions = selection.missions.assign(method=selection.missions["run"].map(named))
+    note = f"all missions have model={models.pop()}"
+    return replace(selection, missions=missions, notes=(*selection.notes, note))
 
 
 def told_apart(selection: Selection) -> Selection:

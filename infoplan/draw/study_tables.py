@@ -87,7 +87,8 @@ def label(run: Run) -> str:
 def varying(runs: list[Run]) -> dict[str, dict[str, str]]:
     """Give the options in which runs differ, by the runs' names; empty where a run has none."""
     flat = {run.name: stored_options(run.science) for run in runs}
-    return {name: option_cells(own, differing(flat)) for name, own in flat.items()}
+    differ = differing(flat)
+    return {name: option_cells(own, differ) for name, own in flat.items()}
 
 
 def option_cells(flat: Options, names: list[str]) -> dict[str, str]:

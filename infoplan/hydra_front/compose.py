@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from functools import cache
 from typing import Any
 
 from hydra import compose as hydra_compose
@@ -77,20 +78,27 @@ class Composer:
     ----------
     config_name
         Name of the root configuration.
+    of_sweep
+        Jobs are entries of ``sweep``, of which their configurations then hold nothing: it may be
+        long, and each has a copy.
     """
 
-    def __init__(self, config_name: str):
-        self.config_name = config_name
+    def __init__(self, config_name: str, *, of_sweep: bool = False):
+        self.config_name, self.of_sweep = config_name, of_sweep
         self.parser = OverridesParser.create()
         self.composed: dict[tuple[str, ...], DictConfig] = {}
+        # The jobs of a sweep have their overrides from a few.
+        self.parsed = cache(self.parser.parse_override)
 
     def __call__(self, overrides: Sequence[str]) -> DictConfig:
         """Compose the configuration of a job's overrides."""
-        parsed = self.parser.parse_overrides(list(overrides))
+        parsed = [self.parsed(word) for word in overrides]
         plain = [override for override in parsed if self._is_plain(override)]
         groups = tuple(override.input_line or "" for override in parsed if override not in plain)
         if groups not in self.composed:
             self.composed[groups] = hydra_compose(self.config_name, overrides=list(groups))
+            if self.of_sweep:
+                self.composed[groups].sweep = []
         config = copy.deepcopy(self.composed[groups])
         try:
             for override in plain:

@@ -87,7 +87,7 @@ def act_on_jobs(
         with explained():
             for job in overrides:
                 check_texts(GlobalHydra.instance().config_loader(), job)
-            compose = Composer(config_name)
+            compose = Composer(config_name, of_sweep=True)
             expanded = _expanded(composed, overrides, compose)
             configs = [to_config(config) for job in expanded for config in job]
         status, numbers = session().act(configs)

@@ -1,5 +1,8 @@
 """Every option that some choice has, and what to say of one that there is not."""
 
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 from infoplan.config import GROUPS, RENAMED, Config
@@ -21,11 +24,12 @@ def no_option(name: str) -> str:
     )
 
 
-def all_options() -> dict[str, dict[str, Any]]:
+@cache
+def all_options() -> Mapping[str, dict[str, Any]]:
     """Metadata of every option that some choice has."""
     known = {name: metadata for name, _, metadata in walk(Config())}
     for group, choices in GROUPS.items():
         for schema in choices.values():
             for name, _, metadata in walk(schema, f"{group}."):
                 known.setdefault(name, metadata)
-    return known
+    return MappingProxyType(known)

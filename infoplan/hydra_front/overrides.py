@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
+from functools import cache, lru_cache
 
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -58,7 +59,7 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
         words = [_stepped(word, parser) for word in words]
     for typed, word in zip(overrides, words, strict=True):
         try:
-            parser.parse_override(word)
+            _check_grammar(word)
         except (HydraException, RecursionError) as error:
             metadata = all_options().get(key(typed))
             remedy = (
@@ -70,6 +71,12 @@ def readable(overrides: Sequence[str], several: bool) -> list[str]:
             shown = typed if len(typed) < 100 else f"{typed[:60]} ..."
             raise UsageError(f"the argument {harmless(shown)} cannot be read: {remedy}") from error
     return words
+
+
+@lru_cache(maxsize=4096)
+def _check_grammar(word: str) -> None:
+    """Let Hydra parse an override; the entries of a long sweep have many in common."""
+    OverridesParser.create().parse_override(word)
 
 
 def _readable(
@@ -192,12 +199,12 @@ def sweep_jobs(lines: Sequence[str], given: Sequence[str]) -> list[list[str]]:
     """
     parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
     taken = {override.key_or_group for override in parser.parse_overrides(list(given))}
-    parsed = []
+    parse, parsed = cache(parser.parse_override), []
     for line in lines:
         try:
             if not isinstance(line, str):
                 raise ValueError("no command line")
-            overrides = parser.parse_overrides(readable(shlex.split(line), several=True))
+            overrides = [parse(word) for word in readable(shlex.split(line), several=True)]
             if any(override.key_or_group in ("sweep", "experiment") for override in overrides):
                 raise ValueError("a study within a study")
             if any(each.is_sweep_override() != each.is_discrete_sweep() for each in overrides):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from infoplan.analyse import METHODS, find_study, judge_claims
-from infoplan.analyse.claims import COMPARISONS, TEXTS, recall_lost, returned
+from infoplan.analyse.claims import COMPARISONS, TEXTS
+from infoplan.analyse.measures import recall_lost, returned
 from infoplan.cli import main
 
 SEEDS = 6

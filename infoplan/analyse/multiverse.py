@@ -1,0 +1,383 @@
+"""What the paper's claims hang on: each claim in every universe, and what moves it.
+
+A claim names one or several comparisons. Its curve is that of the one that binds: the comparison
+that falls farthest short of what is stated, or passes it by least, in most universes.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from infoplan.analyse.claims import COMPARISONS, TEXTS
+from infoplan.analyse.judging import Comparison, Stated, corrected, overall
+from infoplan.analyse.statistics import Interval, holm, mean_interval
+from infoplan.analyse.universe_numbers import Multiverse
+from infoplan.study.universes import CHOICES, DEFAULT, Universe
+
+Floats = NDArray[np.float64]
+
+CLIP: tuple[tuple[int, float], ...] = (
+    (108, 1072.0), (331, 390.0), (585, 375.0), (783, 290.0), (1021, 261.0), (1260, 237.0),
+    (1477, 214.0), (1703, 205.0), (1930, 198.0),
+)  # fmt: skip
+"""Samples and RMSE in ft, read off the authors' clip of one mission on helens; neither its method
+nor its share of outliers is told."""
+
+NEAREST = 0.1
+"""Share of the universes that is looked at as the nearest to the clip."""
+
+
+@dataclass(frozen=True)
+class ClaimCurve:
+    """One claim over all universes.
+
+    Attributes
+    ----------
+    name
+        As C1.
+    what, unit, stated
+        The comparison that binds.
+    universes
+        Names, in the order in which they are flown.
+    effects
+        Of the binding comparison, by universe and seed: shape (universes, seeds), NaN where a
+        seed is missing.
+    seeds
+        Which.
+    verdicts
+        Of the whole claim, by universe.
+    """
+
+    name: str
+    what: str
+    unit: str
+    stated: Stated
+    universes: tuple[str, ...]
+    effects: Floats
+    seeds: tuple[int, ...]
+    verdicts: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """What it says."""
+        return TEXTS[self.name]
+
+    @property
+    def means(self) -> Floats:
+        """Mean effect of each universe."""
+        return np.nanmean(self.effects, axis=1)
+
+    def interval(self, place: int) -> Interval:
+        """Mean effect of one universe with its 95 % t interval over seeds."""
+        return mean_interval(self.effects[place])
+
+    def share(self, verdict: str) -> float:
+        """Share of the universes with a verdict."""
+        return self.verdicts.count(verdict) / len(self.verdicts)
+
+
+@dataclass(frozen=True)
+class JointTest:
+    """Whether a claim's effect over all universes could be chance (Simonsohn et al., 2020).
+
+    Under the null hypothesis the labels of the two sides mean nothing: the effects of a seed have
+    the opposite sign in all universes as likely as not.
+
+    Attributes
+    ----------
+    median, p_median
+        Median over universes of the mean effect, and how often that of flipped signs is as far
+        from zero.
+    positive, p_positive
+        Larger share of universes on one side of zero, and how often that of flipped signs is as
+        large.
+    mean_t, p_mean_t
+        Mean over universes of Student's t, and how often that of flipped signs is as far from zero.
+    flips
+        How many sign flips there are: no p is below two in so many; of a single seed there is no
+        test, and the numbers are NaN.
+    """
+
+    median: float
+    p_median: float
+    positive: float
+    p_positive: float
+    mean_t: float
+    p_mean_t: float
+    flips: int
+
+
+def claim_curves(multiverse: Multiverse, names: Sequence[str] = tuple(TEXTS)) -> list[ClaimCurve]:
+    """Judge claims in every universe.
+
+    Parameters
+    ----------
+    multiverse
+        The numbers.
+    names
+        Which claims.
+
+    Returns
+    -------
+    list of ClaimCurve
+        Of the claims of which some universe has the runs.
+    """
+    universes = [universe.name for universe in multiverse.universes]
+    curves = []
+    for name in names:
+        compared = {one: corrected(COMPARISONS[name](multiverse.numbers[one])) for one in universes}
+        there = {one: items for one, items in compared.items() if not any(i.lacks for i in items)}
+        if there:
+            curves.append(_curve(name, there))
+    return curves
+
+
+def _curve(name: str, compared: Mapping[str, Sequence[Comparison]]) -> ClaimCurve:
+    short = np.array([[_slack(item) for item in items] for items in compared.values()])
+    binding = int(np.bincount(short.argmin(axis=1)).argmax())
+    chosen = [items[binding] for items in compared.values()]
+    seeds = tuple(sorted({seed for item in chosen for seed in item.values}))
+    effects = [[item.values.get(seed, np.nan) for seed in seeds] for item in chosen]
+    return ClaimCurve(
+        name, chosen[0].what, chosen[0].unit, chosen[0].stated, tuple(compared),
+        np.array(effects), seeds,
+        tuple(overall([item.verdict for item in items]) for items in compared.values()),
+    )  # fmt: skip
+
+
+def _slack(item: Comparison) -> float:
+    """By how much the mean effect lies on the stated side; negative: it does not."""
+    return min(item.effect.mean - item.stated.low, item.stated.high - item.effect.mean)
+
+
+def shares(curves: Sequence[ClaimCurve]) -> pd.DataFrame:
+    """Shares of universes by claim (index) and verdict (columns)."""
+    verdicts = ("supported", "undecided", "contradicted")
+    rows = {one.name: [one.share(verdict) for verdict in verdicts] for one in curves}
+    return pd.DataFrame.from_dict(rows, orient="index", columns=list(verdicts))
+
+
+def effects_alone(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
+    """How much every level alone moves a claim's effect from that of the defaults.
+
+    Returns
+    -------
+    DataFrame
+        A row a level: choice, level; mean, low, high of the difference, paired by seed, with 95 %
+        t intervals; verdict of the claim there. Empty without the default universe.
+    """
+    if DEFAULT not in curve.universes:
+        return pd.DataFrame(columns=["choice", "level", "mean", "low", "high", "verdict"])
+    base = curve.effects[curve.universes.index(DEFAULT)]
+    rows = []
+    for universe in multiverse.universes:
+        changed = [c for c in CHOICES if universe.levels[c.name] != c.default]
+        if len(changed) == 1 and universe.name in curve.universes:
+            place, level = curve.universes.index(universe.name), universe.levels[changed[0].name]
+            moved = mean_interval(curve.effects[place] - base)
+            rows.append(
+                {"choice": changed[0].name, "level": level, "mean": moved.mean, "low": moved.low,
+                 "high": moved.high, "verdict": curve.verdicts[place]}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def effects_jointly(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
+    """How much every level moves a claim's effect, whatever the other choices are.
+
+    Ordinary least squares of the universes' mean effects on the levels, over all universes.
+
+    Returns
+    -------
+    DataFrame
+        A row a level other than the default: choice, level; mean, low, high of its coefficient,
+        with 95 % t intervals; and for each choice, in all its rows, ``share``, the part of the
+        variance that only it explains, with ``p`` of its F test, adjusted by Holm. Empty where
+        there are too few universes.
+    """
+    there = [one for one in multiverse.universes if one.name in curve.universes]
+    design, named = _design(there)
+    if len(there) <= design.shape[1]:
+        return pd.DataFrame(columns=["choice", "level", "mean", "low", "high", "share", "p"])
+    fitted = _least_squares(design, curve.means)
+    rows, total = [], float(np.sum((curve.means - curve.means.mean()) ** 2))
+    for choice, level, column in named:
+        others = [c for other, _, c in named if other != choice]
+        without = _least_squares(design[:, [0, *others]], curve.means)
+        levels = design.shape[1] - 1 - len(others)
+        rows.append(
+            {"choice": choice, "level": level, **fitted.coefficient(column),
+             "share": (without.squares - fitted.squares) / total if total else np.nan,
+             "p": _f_test(without.squares - fitted.squares, levels, fitted)}
+        )  # fmt: skip
+    table = pd.DataFrame(rows)
+    of_choice = table.drop_duplicates("choice").set_index("choice")["p"]
+    adjusted = pd.Series(holm(of_choice), index=of_choice.index)
+    return table.assign(p=table["choice"].map(adjusted))
+
+
+def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -> pd.DataFrame:
+    """Which pairs of choices move a claim's effect by more than both alone.
+
+    Each pair's interaction is added to the main effects; those of ``most`` choices that explain
+    most are looked at.
+
+    Returns
+    -------
+    DataFrame
+        A row a pair: first, second; ``share``, the part of the variance that the interaction
+        explains beyond the main effects; ``p`` of its F test, adjusted by Holm; and of the
+        combination that it moves most: ``levels``, mean, low, high. Sorted by p.
+    """
+    main = effects_jointly(curve, multiverse)
+    there = [one for one in multiverse.universes if one.name in curve.universes]
+    design, named = _design(there)
+    columns = ["first", "second", "share", "p", "levels", "mean", "low", "high"]
+    ranked = main.drop_duplicates("choice").sort_values("share", ascending=False)["choice"]
+    base = _least_squares(design, curve.means) if len(main) else None
+    total, rows = float(np.sum((curve.means - curve.means.mean()) ** 2)), []
+    for first, second in combinations(ranked.head(most), 2) if base else ():
+        crossed = [
+            (f"{a} x {b}", design[:, i] * design[:, j])
+            for (one, a, i), (two, b, j) in product(named, named)
+            if one == first and two == second
+        ]
+        # A combination that no universe has, or that others make up, tells nothing.
+        wide = np.column_stack([design, *(product_ for _, product_ in crossed)])
+        kept = _independent(wide, design.shape[1])
+        fitted = _least_squares(wide[:, kept], curve.means)
+        added = kept[design.shape[1] :]
+        if not added or fitted.freedom < 1:
+            continue
+        moved = [
+            (crossed[column - design.shape[1]][0], fitted.coefficient(place + design.shape[1]))
+            for place, column in enumerate(added)
+        ]
+        label, largest = max(moved, key=lambda one: abs(one[1]["mean"]))
+        gained = base.squares - fitted.squares if base else np.nan
+        rows.append(
+            {"first": first, "second": second, "share": gained / total if total else np.nan,
+             "p": _f_test(gained, len(added), fitted), "levels": label, **largest}
+        )  # fmt: skip
+    table = pd.DataFrame(rows, columns=columns)
+    return table.assign(p=holm(table["p"])).sort_values("p", ignore_index=True)
+
+
+def joint_test(curve: ClaimCurve) -> JointTest:
+    """Test a claim's effect over all universes at once, by all sign flips of the seeds."""
+    effects = curve.effects[:, np.isfinite(curve.effects).all(axis=0)]
+    n = effects.shape[1]
+    if n < 2:
+        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+    signs = np.array(list(product((1.0, -1.0), repeat=n)))
+    medians, shares_, mean_ts = (np.empty(len(signs)) for _ in range(3))
+    for place, flipped in enumerate(signs):
+        values = effects * flipped
+        means = values.mean(axis=1)
+        errors = np.maximum(values.std(axis=1, ddof=1), np.finfo(float).tiny) / np.sqrt(n)
+        medians[place] = np.median(means)
+        shares_[place] = max(np.mean(means > 0), np.mean(means < 0))
+        mean_ts[place] = np.mean(means / errors)
+
+    def p(values: Floats) -> float:
+        return float(np.mean(np.abs(values) >= abs(values[0]) * (1.0 - 1e-12)))
+
+    return JointTest(
+        float(medians[0]), p(medians), float(shares_[0]), p(shares_), float(mean_ts[0]),
+        p(mean_ts), len(signs),
+    )  # fmt: skip
+
+
+def nearness(multiverse: Multiverse) -> pd.DataFrame:
+    """Rank universes by how near a mission of theirs comes to the authors' clip.
+
+    Returns
+    -------
+    DataFrame
+        A row a universe, the nearest first: universe; method and rho of the run that comes nearest
+        (scope batch), as the clip tells neither; mean, low, high of its distance, the root mean
+        square over the clip's points within the budget of the logarithm of the ratio of the two
+        RMSE, over seeds, with 95 % t intervals.
+    """
+    points = [(at, value) for at, value in CLIP if at <= multiverse.budget]
+    at, clip = np.array(points).T
+    batch = multiverse.missions[multiverse.missions["scope"] == "batch"]
+    curves = np.array([np.interp(at, multiverse.axis, rmse) for rmse in batch["rmse"]])
+    far = np.sqrt(np.mean(np.log(curves / clip) ** 2, axis=1))
+    rows = []
+    by = batch.assign(far=far).groupby(["universe", "method", "rho"])["far"]
+    for (universe, method, rho), distances in by:
+        found = mean_interval(distances)
+        rows.append({"universe": universe, "method": method, "rho": rho, "mean": found.mean,
+                     "low": found.low, "high": found.high})  # fmt: skip
+    table = pd.DataFrame(rows).sort_values("mean", ignore_index=True)
+    return table.drop_duplicates("universe", ignore_index=True)
+
+
+def nearest_tenth(multiverse: Multiverse) -> list[str]:
+    """Name the tenth of the universes that is nearest to the clip, at least one."""
+    ranked = nearness(multiverse)["universe"]
+    return ranked.head(max(1, round(NEAREST * len(ranked)))).tolist()
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A least-squares fit: coefficients, their standard errors, sum of squares, what is free."""
+
+    coefficients: Floats
+    errors: Floats
+    squares: float
+    freedom: int
+
+    def coefficient(self, column: int) -> dict[str, float]:
+        """Give a coefficient with its 95 % t interval."""
+        from scipy import special
+
+        half = float(special.stdtrit(max(self.freedom, 1), 0.975)) * self.errors[column]
+        mean = float(self.coefficients[column])
+        return {"mean": mean, "low": mean - half, "high": mean + half}
+
+
+def _design(universes: Sequence[Universe]) -> tuple[Floats, list[tuple[str, str, int]]]:
+    """Make a column of ones and one for each level that is not the default and that occurs."""
+    columns, named = [np.ones(len(universes))], []
+    for choice in CHOICES:
+        for level in list(choice.levels)[1:]:
+            has = np.array([one.levels[choice.name] == level for one in universes], dtype=float)
+            if 0 < has.sum() < len(universes):
+                named.append((choice.name, level, len(columns)))
+                columns.append(has)
+    return np.column_stack(columns), named
+
+
+def _least_squares(design: Floats, y: Floats) -> _Fit:
+    coefficients = np.asarray(np.linalg.lstsq(design, y, rcond=None)[0], dtype=float)
+    squares, freedom = float(np.sum((y - design @ coefficients) ** 2)), len(y) - design.shape[1]
+    variance = squares / freedom if freedom > 0 else np.nan
+    errors = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(design.T @ design)), 0.0))
+    return _Fit(coefficients, errors, squares, freedom)
+
+
+def _independent(design: Floats, sure: int) -> list[int]:
+    """Columns that are no combination of those before them; the first `sure` are taken."""
+    kept = list(range(sure))
+    rank = np.linalg.matrix_rank(design[:, kept])
+    for column in range(sure, design.shape[1]):
+        if np.linalg.matrix_rank(design[:, [*kept, column]]) > rank:
+            kept.append(column)
+            rank += 1
+    return kept
+
+
+def _f_test(gained: float, columns: int, fitted: _Fit) -> float:
+    """P that so many columns explain by chance what they have."""
+    from scipy import special
+
+    if fitted.freedom < 1 or fitted.squares <= 0:
+        return np.nan
+    ratio = max(gained, 0.0) / columns / (fitted.squares / fitted.freedom)
+    return float(special.fdtrc(columns, fitted.freedom, ratio))

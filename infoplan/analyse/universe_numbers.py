@@ -1,0 +1,241 @@
+"""The numbers of every universe: which stored mission belongs to which, and what claims compare."""
+
+import json
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+from joblib import Parallel, delayed
+
+from infoplan.analyse.configurations import Options, defaults_of
+from infoplan.analyse.curves import value_at
+from infoplan.analyse.measures import MEASURES, Measures
+from infoplan.analyse.tables import Selection, find_missions, study_of
+from infoplan.errors import UsageError
+from infoplan.files import writing
+from infoplan.study.universes import CHOICES, METHODS, Universe, universes
+
+SUMMED = ("final", "early", "late", "rise", "precision")
+"""Numbers out of a mission's curve; the others take its samples and maps."""
+
+NUMBERS = (*SUMMED, *MEASURES)
+LABELS = ("universe", "method", "rho", "scope", "seed")
+
+STEP = 50
+"""Samples between two values of the curves that are kept."""
+
+OPTIONS = {name for one in CHOICES for level in one.levels.values() for name in level}
+"""Options by which universes differ."""
+
+ABOUT = b"infoplan.multiverse"
+"""Name of what a file tells about itself."""
+
+Levels = tuple[tuple[str, Any], ...]
+"""Options of a run that are not the defaults, and their values, sorted."""
+
+
+@dataclass(frozen=True)
+class Multiverse:
+    """The missions of all universes that were flown.
+
+    Attributes
+    ----------
+    missions
+        A row a mission and universe: `LABELS`; the numbers that claims compare, `NUMBERS`, NaN
+        where a mission has none; ``collapsed``, true or false; and ``rmse``, the values of its
+        curve at `axis`.
+    axis
+        Numbers of collected samples.
+    terrain, unit, budget, model
+        Common to all missions.
+    margin
+        What is negligible of errors, in that unit.
+    """
+
+    missions: pd.DataFrame
+    axis: tuple[int, ...]
+    terrain: str
+    unit: str
+    budget: int
+    model: str
+    margin: float
+
+    @property
+    def universes(self) -> list[Universe]:
+        """Those of which there are missions, in the order in which they are flown."""
+        there = set(self.missions["universe"])
+        return [one for one in universes() if one.name in there]
+
+    @cached_property
+    def numbers(self) -> dict[str, "OfUniverse"]:
+        """The numbers of each universe, as claims are judged by."""
+        runs: dict[str, dict[tuple[str, float, str], pd.DataFrame]] = {}
+        grouped: Any = self.missions.set_index("seed").groupby(list(LABELS[:-1]), sort=False)
+        for (universe, method, rho, scope), rows in grouped:
+            runs.setdefault(universe, {})[method, rho, scope] = rows
+        return {name: OfUniverse(found, self.unit, self.margin) for name, found in runs.items()}
+
+
+@dataclass(frozen=True)
+class OfUniverse:
+    """Numbers of one universe, by method, rho and scope (`infoplan.analyse.claims.Numbers`)."""
+
+    runs: Mapping[tuple[str, float, str], pd.DataFrame]
+    unit: str
+    margin: float
+
+    def numbers(self, name: str, method: str, rho: float, scope: str) -> "pd.Series[float] | None":
+        """Give one number a seed; None if there is no such run."""
+        found = self.runs.get((method, rho, scope))
+        # None and best are the same missions under both scopes, and stored under one.
+        found = self.runs.get((method, rho, "batch")) if found is None else found
+        return None if found is None else found[name]
+
+
+def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any) -> Multiverse:
+    """Work out the numbers of all universes of which a results folder holds missions.
+
+    Parameters
+    ----------
+    results_dir
+        Folder of the result tables.
+    say
+        Is told how far it has come.
+    **filters
+        As for `infoplan.analyse.tables.find_missions`.
+
+    Raises
+    ------
+    UsageError
+        If there are none, or they differ in other options than the choices of the multiverse.
+    """
+    selection = study_of(find_missions(results_dir, **filters), free=OPTIONS)
+    belongs = _belonging(selection)
+    if not belongs:
+        raise UsageError(
+            f"results_dir={results_dir} holds no universe with all four methods: fly them with "
+            "infoplan run -m experiment=multiverse"
+        )
+    axis = tuple(range(100, selection.budget + 1, STEP))
+    tasks = [delayed(_of_run)(selection.only([run]), axis) for run in belongs]
+    frames: dict[str, pd.DataFrame] = {}
+    for frame in Parallel(n_jobs=-1, return_as="generator")(tasks):
+        run = str(frame["run"].iloc[0])
+        frames[run] = frame.drop(columns="run")
+        say(f"[{len(frames)}/{len(belongs)}] {run}")
+    rows = [
+        frames[run].assign(universe=universe)
+        for run, names in belongs.items()
+        for universe in names
+    ]
+    missions = pd.concat(rows, ignore_index=True)
+    order = [one.name for one in universes()]
+    missions = missions.sort_values(
+        list(LABELS), key=lambda column: column.map(order.index) if column.name == "universe"
+        else column.map(METHODS.index) if column.name == "method" else column, ignore_index=True,
+    )  # fmt: skip
+    first = next(iter(selection.options.values()))
+    return Multiverse(
+        missions[[*LABELS, *NUMBERS, "collapsed", "rmse"]], axis, selection.terrain, selection.unit,
+        selection.budget, str(first["model.name"]), Measures(selection).margin,
+    )  # fmt: skip
+
+
+def write(multiverse: Multiverse, path: Path) -> None:
+    """Write the missions as Parquet, with what they have in common in its metadata."""
+    about = {name: value for name, value in vars(multiverse).items()
+             if name not in ("missions", "numbers")}  # fmt: skip
+    table = pa.Table.from_pandas(multiverse.missions, preserve_index=False)
+    for place, field in enumerate(table.schema):
+        if field.type == pa.list_(pa.float64()):
+            short = table.column(place).cast(pa.list_(pa.float32()))
+            table = table.set_column(place, field.name, short)
+    table = table.replace_schema_metadata({**(table.schema.metadata or {}),
+                                           ABOUT: json.dumps(about).encode()})  # fmt: skip
+    with writing(path):
+        pq.write_table(table, path, compression="zstd")
+
+
+def read(path: Path) -> Multiverse:
+    """Read what `write` wrote.
+
+    Raises
+    ------
+    UsageError
+        If the file is none of these.
+    """
+    try:
+        table = pq.read_table(path)
+        about = json.loads((table.schema.metadata or {})[ABOUT])
+        about["axis"] = tuple(about["axis"])
+        return Multiverse(missions=table.to_pandas(), **about)
+    except (OSError, pa.ArrowException, KeyError, ValueError, TypeError) as error:
+        raise UsageError(
+            f"{path} is no table of a multiverse ({error}): infoplan multiverse writes one"
+        ) from error
+
+
+def _belonging(selection: Selection) -> dict[str, list[str]]:
+    """Tell of each run to which universes it belongs, of those with runs of all four methods."""
+    known: dict[tuple[str, Levels], list[str]] = {}
+    for universe in universes():
+        for method in METHODS:
+            options = {name: _value(text) for name, text in universe.options(method).items()}
+            known.setdefault((method, _sorted(options)), []).append(universe.name)
+    methods = selection.missions.drop_duplicates("run").set_index("run")["method"]
+    belongs, there = {}, defaultdict(set)
+    for run, flat in selection.options.items():
+        belongs[run] = known.get((str(methods[run]), _sorted(_chosen(flat))), [])
+        for universe_name in belongs[run]:
+            there[universe_name].add(methods[run])
+    # A run without a filter belongs to universes of which nothing else was flown.
+    whole = {name for name, found in there.items() if len(found) == len(METHODS)}
+    kept = {run: [name for name in names if name in whole] for run, names in belongs.items()}
+    return {run: names for run, names in kept.items() if names}
+
+
+def _chosen(flat: Options) -> Options:
+    """Options of a run among those of the multiverse that are not its defaults."""
+    default = defaults_of(flat)
+    return {
+        name: value for name, value in flat.items()
+        if name in OPTIONS and value != default.get(name)
+    }  # fmt: skip
+
+
+def _sorted(options: Options) -> Levels:
+    return tuple(sorted((name, _value(value)) for name, value in options.items()))
+
+
+def _value(text: Any) -> Any:
+    """Read an option's value as typed; numbers compare as such."""
+    value = yaml.safe_load(text) if isinstance(text, str) else text
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _of_run(run: Selection, axis: tuple[int, ...]) -> pd.DataFrame:
+    """Work out the numbers of the missions of one run."""
+    (name,) = run.options
+    measures = Measures(run)
+    method, rho, scope = run.missions.iloc[0][["method", "rho", "scope"]]
+    frame = measures.summaries.droplevel("run")[list(SUMMED)].copy()
+    for number, measure in MEASURES.items():
+        # Only there are samples judged more than once; working it out takes long.
+        asked = number != "recall_lost" or scope == "historical"
+        frame[number] = measure(run).reindex(frame.index) if asked else np.nan
+    frame["collapsed"] = [measures.ends[name, seed] for seed in frame.index]
+    curves = measures.curves
+    frame["rmse"] = pd.Series(
+        {seed: value_at(rows, np.asarray(axis)) for seed, rows in curves.groupby("seed")}
+    )
+    frame.insert(0, "run", name)
+    labelled = frame.assign(method=method, rho=float(rho), scope=scope)
+    return labelled.reset_index(names="seed")

@@ -1,0 +1,184 @@
+"""Specification curves: a claim's effect in every universe, sorted, and the choices below."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from infoplan.analyse.multiverse import ClaimCurve
+from infoplan.analyse.universe_numbers import Multiverse
+from infoplan.draw import style
+from infoplan.study.universes import CHOICES, DEFAULT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+VERDICTS = {"supported": "#009E73", "undecided": "#999999", "contradicted": "#D55E00"}
+"""Colours; of Okabe and Ito's palette."""
+
+ACROSS = 3
+"""Panels beside each other."""
+
+
+def draw_overview(curves: Sequence[ClaimCurve], nearest: Sequence[str], folder: Path) -> list[Path]:
+    """Draw the curves of all claims, a panel each; returns the files.
+
+    Dots are universes, coloured by the verdict on the whole claim; thin lines are 95 % t intervals
+    of the comparison that binds. Shaded is where the claim says that it lies. A ring marks the
+    defaults, a tick below those universes that are nearest to the authors' clip.
+    """
+    with style.journal():
+        rows = -(-len(curves) // ACROSS)
+        figure = style.new_figure(style.PAGE, 1.85 * rows + 0.35)
+        panels = figure.subplots(rows, ACROSS, squeeze=False)
+        for curve, axes in zip(curves, panels.flat, strict=False):
+            _draw_curve(axes, curve, nearest)
+            title = "\n".join(wrap(f"{curve.name} {curve.text}", 44)[:2])
+            axes.set_title(title, loc="left", fontsize=6.0)
+        for axes in panels.flat[len(curves) :]:
+            axes.set_axis_off()
+        _legend(figure)
+        return style.save(figure, folder, "multiverse", numbers_of(curves, nearest))
+
+
+def draw_claim(
+    curve: ClaimCurve, multiverse: Multiverse, nearest: Sequence[str], folder: Path
+) -> list[Path]:
+    """Draw one claim's curve with a row of dots below it for every level; returns the files."""
+    labels = [(choice, level) for choice in CHOICES for level in choice.levels]
+    with style.journal():
+        figure = style.new_figure(style.PAGE, 2.0 + 0.105 * len(labels))
+        top, below = figure.subplots(
+            2, 1, sharex=True, gridspec_kw={"height_ratios": [2.0, 0.105 * len(labels)]}
+        )
+        order = _draw_curve(top, curve, nearest)
+        top.set_title(f"{curve.name}: {curve.text}", loc="left")
+        levels = {one.name: one.levels for one in multiverse.universes}
+        colours = [VERDICTS[curve.verdicts[place]] for place in order]
+        for row, (choice, level) in enumerate(labels):
+            has = [levels[curve.universes[place]][choice.name] == level for place in order]
+            at = np.flatnonzero(has)
+            below.scatter(at, np.full(len(at), row), s=3.5, lw=0, c=[colours[i] for i in at])
+            if level == choice.default and row:
+                below.axhline(row - 0.5, color="0.85", lw=0.4, zorder=0)
+        below.set_yticks(range(len(labels)), [
+            f"{choice.name if level == choice.default else ''}  {level}" for choice, level in labels
+        ], fontsize=4.8)  # fmt: skip
+        below.set(ylim=(len(labels) - 0.5, -0.5), xlabel="universe, by effect")
+        below.tick_params(axis="y", length=0)
+        _legend(figure)
+        name = f"multiverse_{curve.name.lower()}"
+        return style.save(figure, folder, name, numbers_of([curve], nearest))
+
+
+def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Path]:
+    """Draw which choices move which claims, as a heat map; returns the files.
+
+    Parameters
+    ----------
+    shares
+        Part of a claim's variance over universes that only a choice explains, claims x choices.
+    p
+        Of its F test, adjusted by Holm.
+    folder
+        Where to.
+    """
+    with style.journal():
+        figure = style.new_figure(style.PAGE, 0.23 * len(shares) + 1.2)
+        axes = figure.add_subplot()
+        values, sure = shares.to_numpy(dtype=float), p.to_numpy(dtype=float) <= 0.05
+        image = axes.imshow(values, cmap="YlGnBu", vmin=0, vmax=max(values.max(), 0.01),
+                            aspect="auto")  # fmt: skip
+        for row, column in np.ndindex(values.shape):
+            value, bold = float(values[row, column]), bool(sure[row, column])
+            if value >= 0.005:
+                colour = style.rgba(image, value)
+                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center",
+                          color=style.ink_on(colour), weight="bold" if bold else "normal",
+                          fontsize=6.0)  # fmt: skip
+        axes.set_yticks(range(len(shares)), list(shares.index))
+        axes.set_xticks(range(len(shares.columns)), list(shares.columns), rotation=40, ha="left",
+                        rotation_mode="anchor")  # fmt: skip
+        axes.xaxis.tick_top()
+        axes.tick_params(length=0)
+        bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03)
+        bar.set_label("share of the variance")
+        return style.save(figure, folder, "multiverse_choices", shares.reset_index(names="claim"))
+
+
+def numbers_of(curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> pd.DataFrame:
+    """List what curves show: a row a claim and universe."""
+    rows = []
+    for curve in curves:
+        for place, universe in enumerate(curve.universes):
+            effect = curve.interval(place)
+            rows.append(
+                {"claim": curve.name, "compared": curve.what, "unit": curve.unit,
+                 "universe": universe, "mean": effect.mean, "low": effect.low, "high": effect.high,
+                 "seeds": effect.n, "verdict": curve.verdicts[place],
+                 "near_the_clip": universe in nearest}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _draw_curve(axes: "Axes", curve: ClaimCurve, nearest: Sequence[str]) -> NDArray[np.int64]:
+    """Draw a curve, and return the places of its universes in the order drawn."""
+    order = np.argsort(curve.means, kind="stable")
+    at = np.arange(len(order))
+    found = [curve.interval(int(place)) for place in order]
+    means = np.array([one.mean for one in found])
+    low, high = (np.array([getattr(one, end) for one in found]) for end in ("low", "high"))
+    # A few universes have intervals that would leave the others no room.
+    bottom, top = _frame(means, low, high)
+    axes.axhspan(max(curve.stated.low, bottom), min(curve.stated.high, top), color="#009E73",
+                 alpha=0.1, lw=0)  # fmt: skip
+    axes.axhline(0, color="0.6", lw=0.5)
+    for verdict, colour in VERDICTS.items():
+        chosen = np.array([curve.verdicts[place] == verdict for place in order])
+        axes.vlines(at[chosen], low[chosen], high[chosen], color=colour, lw=0.5, alpha=0.6)
+        axes.scatter(at[chosen], means[chosen], s=4, lw=0, color=colour, zorder=3)
+    names = [curve.universes[place] for place in order]
+    if DEFAULT in names:
+        place = names.index(DEFAULT)
+        axes.scatter([place], [means[place]], s=22, facecolors="none", edgecolors="black", lw=0.8,
+                     zorder=4)  # fmt: skip
+    near = [place for place, name in enumerate(names) if name in nearest]
+    axes.scatter(near, np.full(len(near), bottom), marker="|", s=14, color="black", lw=0.7,
+                 clip_on=False, zorder=5)  # fmt: skip
+    axes.set(xlim=(-1, len(order)), ylim=(bottom, top))
+    axes.set_ylabel(f"{_broken(curve.what)}{f' ({curve.unit})' if curve.unit else ''}", fontsize=5)
+    return order
+
+
+def _frame(means: NDArray[np.float64], *ends: NDArray[np.float64]) -> tuple[float, float]:
+    """Lowest and highest value that is shown: of all means, and of nine tenths of the ends."""
+    known = np.concatenate([end[np.isfinite(end)] for end in ends])
+    low, high = np.quantile(known, [0.05, 0.95]) if len(known) else (means.min(), means.max())
+    low, high = min(low, means.min()), max(high, means.max())
+    room = 0.08 * (high - low) or 1.0
+    return float(low - room), float(high + room)
+
+
+def _broken(what: str) -> str:
+    """Put the methods and the number that is compared on lines of their own."""
+    methods, _, number = what.partition(": ")
+    return f"{methods}\n{number}"
+
+
+def _legend(figure: "Figure") -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], marker="o", ms=3, lw=0, color=colour, label=verdict)
+        for verdict, colour in VERDICTS.items()
+    ]
+    handles += [
+        Line2D([], [], marker="o", ms=5, lw=0, mfc="none", mec="black", label="defaults"),
+        Line2D([], [], marker="|", ms=5, lw=0, color="black", label="nearest to the clip"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)

@@ -1,0 +1,146 @@
+"""What ``infoplan multiverse`` does: work out or read the numbers, sum them up, draw them."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from infoplan.analyse.claims import TEXTS
+from infoplan.analyse.multiverse import (
+    claim_curves,
+    effects_alone,
+    effects_jointly,
+    joint_test,
+    nearest_tenth,
+    pairs_of_choices,
+)
+from infoplan.analyse.universe_numbers import Multiverse, collect, read, write
+from infoplan.draw.console import wide_console
+from infoplan.draw.multiverse_table import (
+    chosen,
+    print_claim,
+    print_multiverse,
+    print_universe,
+)
+from infoplan.draw.specification_curves import draw_claim, draw_effects, draw_overview
+from infoplan.errors import UsageError
+from infoplan.study.universes import CHOICES, Universe, universes
+from infoplan.text_options import as_override
+from infoplan.wording import counted, suggest
+
+
+def list_universes() -> int:
+    """Name all universes, and what each chooses."""
+    for universe in universes():
+        print(f"{universe.name}: {chosen(universe)}")
+    return 0
+
+
+def multiverse(
+    results_dir: Path,
+    table: Path | None,
+    universe: str | None,
+    claim: str | None,
+    filters: Mapping[str, Any],
+) -> int:
+    """Sum up a multiverse, or tell about one universe or claim.
+
+    Parameters
+    ----------
+    results_dir
+        Folder of the result tables; pictures land there in any case.
+    table
+        Numbers written by an earlier call; None: they are worked out from the results.
+    universe
+        Name of one.
+    claim
+        Name of one, as C4.
+    filters
+        Options of runs that are looked at.
+    """
+    one = None if universe is None else _named(universe)
+    if claim is not None and claim.upper() not in TEXTS:
+        raise UsageError(f"there is no claim {claim}: it is one of {', '.join(TEXTS)}")
+    if table is None:
+        numbers = collect(results_dir, _tell, **filters)
+        table = results_dir / "multiverse.parquet"
+        write(numbers, table)
+        _tell(f"numbers of {counted(len(numbers.universes), 'universe')}: {table}")
+    else:
+        numbers = read(table)
+    console, folder = wide_console(), results_dir / "figures"
+    files: list[Path] = []
+    if one is not None:
+        _demand(one, numbers, table)
+        print_universe(numbers, one, _commands(one, numbers), console)
+    elif claim is not None:
+        curves = claim_curves(numbers, [claim.upper()])
+        if not curves:
+            raise UsageError(f"no universe of {table} has the runs of {claim.upper()}")
+        curve = curves[0]
+        print_claim(
+            numbers, curve, effects_alone(curve, numbers), effects_jointly(curve, numbers),
+            pairs_of_choices(curve, numbers), console,
+        )  # fmt: skip
+        files = draw_claim(curve, numbers, nearest_tenth(numbers), folder)
+    else:
+        curves, nearest = claim_curves(numbers), nearest_tenth(numbers)
+        moves = {curve.name: effects_jointly(curve, numbers) for curve in curves}
+        tests = [joint_test(curve) for curve in curves]
+        print_multiverse(numbers, curves, tests, nearest, moves, console)
+        files = draw_overview(curves, nearest, folder)
+        known = {name: effects for name, effects in moves.items() if not effects.empty}
+        if known:
+            shares, p = (by_choice(known, column) for column in ("share", "p"))
+            files += draw_effects(shares, p, folder)
+    for path in files:
+        print(path)
+    return 0
+
+
+def by_choice(moves: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:
+    """Lay out a column of `effects_jointly`: a row a claim, a column a choice."""
+    of_claim = {
+        name: effects.drop_duplicates("choice").set_index("choice")[column]
+        for name, effects in moves.items()
+    }
+    laid_out = pd.DataFrame(of_claim).T.reindex(columns=[choice.name for choice in CHOICES])
+    return laid_out.dropna(axis=1, how="all")
+
+
+def _demand(universe: Universe, numbers: Multiverse, table: Path) -> None:
+    if universe.name not in numbers.numbers:
+        raise UsageError(
+            f"universe {universe.name} is not in {table}: fly it with "
+            f"{_commands(universe, numbers)[0]} and so on, as infoplan run -m "
+            "experiment=multiverse does"
+        )
+
+
+def _named(text: str) -> Universe:
+    names = {universe.name: universe for universe in universes()}
+    if text not in names:
+        raise UsageError(
+            f"there is no universe {text}{suggest(text, names)}: infoplan multiverse --list names "
+            "them"
+        )
+    return names[text]
+
+
+def _commands(universe: Universe, numbers: Multiverse) -> list[str]:
+    """Commands that fly a universe as those of the others were flown."""
+    common = [as_override("terrain", numbers.terrain), as_override("budget", numbers.budget),
+              as_override("model", numbers.model), as_override("seeds", _seeds(numbers)),
+              ]  # fmt: skip
+    return [" ".join(["infoplan run -m", line, *common]) for line in universe.lines()]
+
+
+def _seeds(numbers: Multiverse) -> int | list[int]:
+    seeds = sorted(numbers.missions["seed"].unique().tolist())
+    return len(seeds) if seeds == list(range(len(seeds))) else seeds
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr)

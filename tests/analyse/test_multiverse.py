@@ -1,0 +1,151 @@
+"""The multiverse on made-up numbers, whose truth is known, and on small missions."""
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from statsmodels.api import OLS
+from statsmodels.stats.multitest import multipletests
+from universes import AXIS, MARGIN, SEEDS, by_choice, made_up
+
+from infoplan.analyse.multiverse import (
+    CLIP,
+    claim_curves,
+    effects_alone,
+    effects_jointly,
+    joint_test,
+    nearest_tenth,
+    nearness,
+    pairs_of_choices,
+    shares,
+)
+from infoplan.study.universes import CHOICES, DEFAULT, JOINT, joint_universes, universes
+
+
+@pytest.fixture(scope="module")
+def multiverse():
+    return made_up(by_choice)
+
+
+def test_every_level_of_a_choice_is_equally_frequent_among_joint_universes():
+    made = joint_universes()
+    assert len(made) == JOINT
+    assert len({tuple(one.levels.values()) for one in made}) == JOINT
+    for choice in CHOICES:
+        counts = pd.Series([one.levels[choice.name] for one in made]).value_counts()
+        assert set(counts.index) == set(choice.levels)
+        assert counts.min() == counts.max() == JOINT / len(choice.levels)
+
+
+def test_single_choices_are_those_of_one_level_each():
+    alone = [one for one in universes() if not one.name.startswith("joint")]
+    assert alone[0].name == DEFAULT
+    assert len(alone) == 1 + sum(len(choice.levels) - 1 for choice in CHOICES)
+    assert len({one.name for one in universes()}) == len(universes()) >= 100
+    for one in alone[1:]:
+        changed = [c.name for c in CHOICES if one.levels[c.name] != c.default]
+        assert [f"{name}: {one.levels[name]}" for name in changed] == [one.name]
+
+
+def test_a_claim_is_judged_in_every_universe(multiverse):
+    (curve,) = claim_curves(multiverse, ["C2"])
+    # BEST lies 300 ft below the next one everywhere, PUCT-COPOD or, with all of it, NONE.
+    assert curve.share("supported") == 1.0
+    assert curve.what == "UCT-BEST - PUCT-COPOD: final RMSE"
+    assert curve.means == pytest.approx(-300.0, abs=10.0)
+    (third,) = claim_curves(multiverse, ["C7"])
+    ends = np.array([by_choice(one, "UCT-NONE", 0.1) for one in multiverse.universes])
+    holds = ends - 400.0 < MARGIN
+    expected = np.where(holds, "supported", "contradicted")
+    assert list(third.verdicts) == expected.tolist()
+    assert shares([third]).loc["C7", "supported"] == pytest.approx(holds.mean())
+
+
+def test_a_level_alone_is_compared_with_the_defaults_by_seed(multiverse):
+    (curve,) = claim_curves(multiverse, ["C7"])
+    table = effects_alone(curve, multiverse).set_index(["choice", "level"])
+    assert len(table) == sum(len(choice.levels) - 1 for choice in CHOICES)
+    assert table.loc[("noise", "floor 1"), "mean"] == pytest.approx(500.0, abs=15.0)
+    inside = (table["low"] < 0) & (table["high"] > 0)
+    assert inside.drop([("noise", "floor 1"), ("pilot", "spiky")]).mean() > 0.8
+    base, other = (
+        curve.effects[curve.universes.index(name)] for name in (DEFAULT, "noise: floor 1")
+    )
+    assert table.loc[("noise", "floor 1"), "mean"] == pytest.approx(np.mean(other - base))
+
+
+def test_joint_effects_are_those_of_statsmodels(multiverse):
+    (curve,) = claim_curves(multiverse, ["C7"])
+    table = effects_jointly(curve, multiverse)
+    there = multiverse.universes
+    names = [(c.name, level) for c in CHOICES for level in list(c.levels)[1:]]
+    design = np.array([[1.0] + [one.levels[n] == level for n, level in names] for one in there])
+    fitted = OLS(curve.means, design).fit()
+    assert list(zip(table["choice"], table["level"], strict=True)) == names
+    np.testing.assert_allclose(table["mean"], fitted.params[1:], atol=1e-9)
+    np.testing.assert_allclose(table[["low", "high"]], fitted.conf_int()[1:], atol=1e-9)
+    ps, gained = [], []
+    for choice in CHOICES:
+        contrast = np.eye(len(names) + 1)[
+            [i + 1 for i, n in enumerate(names) if n[0] == choice.name]
+        ]
+        ps.append(float(fitted.f_test(contrast).pvalue))
+        without = OLS(curve.means, np.delete(design, contrast.argmax(axis=1), axis=1)).fit()
+        gained.append((without.ssr - fitted.ssr) / fitted.centered_tss)
+    adjusted = multipletests(ps, method="holm")[1]
+    once = table.drop_duplicates("choice")
+    np.testing.assert_allclose(once["p"], adjusted, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(once["share"], gained, atol=1e-9)
+    assert set(once.loc[once["p"] < 0.01, "choice"]) == {"noise", "pilot"}
+
+
+def test_the_pair_that_works_together_is_found(multiverse):
+    (curve,) = claim_curves(multiverse, ["C7"])
+    pairs = pairs_of_choices(curve, multiverse)
+    first = pairs.iloc[0]
+    assert {first["first"], first["second"]} == {"noise", "pilot"}
+    assert first["levels"] in ("floor 1 x spiky", "spiky x floor 1")
+    assert first["low"] < -130.0 < first["high"]
+    assert first["p"] < 0.01
+    assert (pairs["p"].iloc[1:] > 0.01).mean() > 0.8
+
+
+def test_the_joint_test_flips_the_seeds_of_all_universes_together():
+    few = universes()[:5]
+    made = made_up(lambda u, m, r: 100.0 * (m == "UCT-NONE"), noise=80.0, there=few)
+    (curve,) = claim_curves(made, ["C5"])
+    found = joint_test(curve)
+    medians, ts = [], []
+    for signs in product((1, -1), repeat=len(SEEDS)):
+        values = curve.effects * np.array(signs)
+        medians.append(np.median(values.mean(axis=1)))
+        errors = values.std(axis=1, ddof=1) / np.sqrt(len(SEEDS))
+        ts.append(np.mean(values.mean(axis=1) / errors))
+    assert found.flips == 64
+    assert found.median == pytest.approx(np.median(curve.means))
+    assert found.p_median == np.mean(np.abs(medians) >= abs(found.median) - 1e-9)
+    assert found.p_mean_t == np.mean(np.abs(ts) >= abs(found.mean_t) - 1e-9)
+
+
+def test_the_joint_test_is_rarely_wrong_without_effect():
+    few = universes()[:8]
+    wrong = 0
+    for seed in range(60):
+        (curve,) = claim_curves(made_up(lambda *_: 0.0, seed=seed, there=few), ["C5"])
+        wrong += joint_test(curve).p_median <= 0.05
+    assert wrong <= 8  # 3 are expected
+
+
+def test_the_universe_with_the_curve_of_the_clip_is_the_nearest():
+    few = universes()[:20]
+    made = made_up(lambda *_: 500.0, there=few)
+    rmse = np.interp(AXIS, *np.array(CLIP).T)
+    own = (made.missions["universe"] == few[7].name) & (made.missions["method"] == "UCT-COPOD")
+    own &= made.missions["rho"] == 0.15
+    made.missions.loc[own, "rmse"] = pd.Series([rmse] * len(made.missions))[own]
+    ranked = nearness(made)
+    assert len(ranked) == 20
+    assert tuple(ranked.loc[0, ["universe", "method", "rho"]]) == (few[7].name, "UCT-COPOD", 0.15)
+    assert ranked.loc[0, "mean"] < 0.06 < ranked.loc[1, "mean"]
+    assert nearest_tenth(made) == ranked["universe"].head(2).tolist()

@@ -1,0 +1,172 @@
+"""`infoplan multiverse` over small missions of two universes."""
+
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from rich.console import Console
+from universes import by_choice, made_up
+
+from infoplan.analyse import find_study, judge_claims, load_curves
+from infoplan.analyse.claims import COMPARISONS
+from infoplan.analyse.multiverse import claim_curves
+from infoplan.analyse.universe_numbers import collect, read, write
+from infoplan.cli import main
+from infoplan.draw.progress import listener
+from infoplan.hydra_front.compose import compose
+from infoplan.study.runner import run_study
+from infoplan.study.universes import CHOICES, DEFAULT, METHODS, Universe, universes
+from infoplan.text_options import renamed
+
+FLOOR = "noise: floor 1"
+SMALL = [
+    "terrain=volcano", "budget=200", "grid=[12,12]", "planner.iterations=30",
+    "model.pilot_iterations=20", "backend=sequential",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Two universes, at rho 0.1 alone, a seed; and a run that is of no universe."""
+    folder = tmp_path_factory.mktemp("multiverse")
+    configs = []
+    for universe in universes():
+        if universe.name in (DEFAULT, FLOOR):
+            for line in universe.lines():
+                words = [word for word in line.split() if not word.startswith("rho=")]
+                configs.append(compose([*words, "rho=0.1", *SMALL]))
+    configs.append(compose(["planner=uct", "detector=none", "model.iterations=7", *SMALL]))
+    console = Console(file=io.StringIO())
+    run_study(
+        [replace(one, seeds=1, results_dir=str(folder)) for one in configs], listener(console)
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def numbers(flown):
+    return collect(flown, lambda _: None)
+
+
+def test_missions_belong_to_the_universes_whose_lines_fly_them(numbers):
+    missions = numbers.missions
+    # Where a choice concerns filters alone, NONE and BEST are there, but not the others.
+    assert set(missions["universe"]) == {DEFAULT, FLOOR}
+    counted = missions.groupby(["universe", "method", "scope"]).size().unstack("scope").fillna(0)
+    assert set(counted.index.get_level_values("method")) == set(METHODS)
+    assert (counted["batch"] == 1).all()
+    filtered = counted.index.get_level_values("method").str.endswith("COPOD")
+    assert (counted["historical"] == filtered).all()
+    assert numbers.unit == "ft"
+    assert numbers.budget == 200
+
+
+def test_numbers_are_those_by_which_claims_are_judged(flown, numbers):
+    study = find_study(flown, **{"model.min_noise_variance": 1, "model.iterations": 5})
+    for name in ("C2", "C8", "C9", "C10", "C11", "C12"):
+        (claim,) = judge_claims(study, [name])
+        made = COMPARISONS[name](numbers.numbers[FLOOR])
+        assert [one.what for one in made] == [one.what for one in claim.comparisons]
+        for one, other in zip(made, claim.comparisons, strict=True):
+            assert one.stated == other.stated
+            assert one.values == pytest.approx(other.values)
+    (curve,) = claim_curves(numbers, ["C2"])
+    assert curve.universes == (DEFAULT, FLOOR)
+
+
+def test_the_curve_that_is_kept_is_that_of_the_mission(flown, numbers):
+    row = numbers.missions[numbers.missions["method"] == "PUCT-COPOD"].iloc[0]
+    curves = load_curves(flown, method="PUCT-COPOD", scope="batch", seed=int(row["seed"]))
+    own = curves[curves["rmse"].map(lambda end: np.isclose(end, row["final"]))]["run"]
+    curve = curves[curves["run"] == own.iloc[0]]
+    expected = np.interp(numbers.axis, curve["collected"], curve["rmse"])
+    np.testing.assert_allclose(row["rmse"], expected)
+    assert numbers.axis[-1] == 200
+
+
+def test_the_command_writes_the_numbers_and_draws_from_them_alone(flown, tmp_path, capsys):
+    assert main(["multiverse", f"results_dir={flown}"]) == 0
+    first = capsys.readouterr().out
+    assert "2 universes" in first
+    table = flown / "multiverse.parquet"
+    assert main(["multiverse", f"table={table}", f"results_dir={tmp_path}"]) == 0
+    again = capsys.readouterr().out
+    assert again.replace(str(tmp_path), str(flown)) == first
+    drawn = pd.read_csv(tmp_path / "figures" / "multiverse.csv")
+    curves = {curve.name: curve for curve in claim_curves(read(table))}
+    for (claim, universe), rows in drawn.groupby(["claim", "universe"]):
+        place = curves[claim].universes.index(universe)
+        assert rows["mean"].item() == pytest.approx(curves[claim].means[place], rel=1e-5)
+        assert rows["verdict"].item() == curves[claim].verdicts[place]
+
+
+def test_a_claim_tells_what_moves_it_and_draws_the_choices_below_its_curve(tmp_path, capsys):
+    table = tmp_path / "numbers.parquet"
+    write(made_up(by_choice), table)
+    assert main(["multiverse", "claim=C7", f"table={table}", f"results_dir={tmp_path}"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"noise +floor 1 +5\d\d \[.*\] +undecided|noise +floor 1 +5\d\d", out)
+    assert re.search(r"noise x pilot|pilot x noise", out)
+    assert (tmp_path / "figures" / "multiverse_c7.png").exists()
+    assert main(["multiverse", "claim=C13", f"table={table}"]) == 2
+    assert "C1, C2" in capsys.readouterr().err
+
+
+def test_a_universe_tells_the_commands_that_fly_it(flown, capsys):
+    table = flown / "multiverse.parquet"
+    if not table.exists():
+        assert main(["multiverse", f"results_dir={flown}"]) == 0
+    assert main(["multiverse", f"universe={FLOOR}", f"table={table}"]) == 0
+    out = re.sub(r"\\\n\s*", "", capsys.readouterr().out)
+    lines = [line.split("infoplan ", 1)[1] for line in out.splitlines() if "infoplan run" in line]
+    (universe,) = [one for one in universes() if one.name == FLOOR]
+    assert len(lines) == len(list(universe.lines()))
+    assert all("model.min_noise_variance=1" in line and "budget=200" in line for line in lines)
+    assert main([*lines[0].split(), "--dry-run", f"results_dir={flown}"]) == 0
+
+
+def test_what_is_not_there_is_told(flown, tmp_path, capsys):
+    assert main(["multiverse", "universe=nosie: floor 1"]) == 2
+    assert "did you mean 'noise: floor 1'?" in capsys.readouterr().err
+    assert main(["multiverse", f"universe={universes()[1].name}", f"results_dir={flown}"]) == 2
+    assert "fly it with" in capsys.readouterr().err
+    broken = tmp_path / "other.parquet"
+    pd.DataFrame({"a": [1]}).to_parquet(broken)
+    assert main(["multiverse", f"table={broken}"]) == 2
+    assert "is no table of a multiverse" in capsys.readouterr().err
+    assert main(["multiverse", f"results_dir={flown}", "planner=uct"]) == 2
+    assert "no universe with all four methods" in capsys.readouterr().err
+
+
+def test_all_universes_are_named(capsys):
+    assert main(["multiverse", "--list"]) == 0
+    named = capsys.readouterr().out.splitlines()
+    assert [line.split(": ")[0] for line in named][:1] == [DEFAULT]
+    assert len(named) == len(universes())
+
+
+def test_every_level_is_an_option_and_no_default():
+    """A level of every choice at a time, in one composition."""
+    default = compose(["terrain=volcano", "planner=puct", "detector=copod"])
+    for place in range(max(len(choice.levels) for choice in CHOICES)):
+        levels = {c.name: (list(c.levels) * 6)[place] for c in CHOICES}
+        options = Universe("made up", levels).options("PUCT-COPOD")
+        words = [f"{name}={value}" for name, value in options.items()]
+        assert [renamed(word) for word in words] == words
+        config = compose([*words, "terrain=volcano", "planner=puct", "detector=copod"])
+        for name in options:
+            group, _, option = name.partition(".")
+            assert getattr(getattr(config, group), option) != getattr(
+                getattr(default, group), option
+            )
+
+
+def test_the_experiment_is_the_universes_line_by_line():
+    path = Path(__file__).parents[1] / "conf" / "experiment" / "multiverse.yaml"
+    entries = yaml.safe_load(path.read_text(encoding="utf-8"))["sweep"]
+    assert entries == [line for universe in universes() for line in universe.lines()]
