@@ -156,7 +156,10 @@ def plan_next(
     )  # fmt: skip
     folder = results_dir / "surveys" / source.name / "next"
     files = write_track(folder, planned)
-    picture = draw_track(track, area, samples.x, folder, place.name, place.unit or "")[0]
+    picture = draw_track(
+        track, area, samples.x, samples.measured[~samples.flagged], folder, place.name,
+        place.unit or "",
+    )[0]  # fmt: skip
     say(
         console,
         f"{source.name}: {method_label(config.planner)} from {_told(track.poses[0], plane)}, "

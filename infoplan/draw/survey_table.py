@@ -7,12 +7,11 @@ import pandas as pd
 from rich.console import Console
 
 from infoplan.analyse.detector_check import Checked, agreement
-from infoplan.analyse.later_logs import read_origins, verdict_counts
+from infoplan.analyse.later_logs import COUNTS, COUNTS_TITLE, read_origins, verdict_counts
 from infoplan.analyse.stretches import NO_TRUTH, gain, read_stretches, scores_by_epoch
 from infoplan.collapse import collapse_sentence
 from infoplan.draw.console import INDENT, say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
-from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.study.store import present_tables, read_table
 from infoplan.study.stored_curves import ended_collapsed
 from infoplan.study.study import Study
@@ -63,19 +62,12 @@ def print_logs(results_dir: Path, run: str, seed: int, console: Console) -> None
         return
     samples = read_table(results_dir, "samples", run, seed).to_pandas()
     counts = verdict_counts(origins, samples)
-    titles = {
-        "samples": "samples", "flagged_first": "flagged then", CONFIRMED: CONFIRMED,
-        CLEARED: CLEARED, UNTESTED: UNTESTED, "flagged_since": "flagged since",
-    }  # fmt: skip
     columns = [TextColumn("log", least=WHOLE)]
-    columns += [TextColumn(title, right=True) for title in titles.values()]
+    columns += [TextColumn(title, right=True) for title in COUNTS.values()]
     rows = [
-        [str(name), *(str(row[column]) for column in titles)] for name, row in counts.iterrows()
+        [str(name), *(str(row[column]) for column in COUNTS)] for name, row in counts.iterrows()
     ]
-    print_table(
-        console, "Flags of each log when it was the last, and what later logs made of them",
-        columns, rows,
-    )  # fmt: skip
+    print_table(console, COUNTS_TITLE, columns, rows)
 
 
 def print_check(checked: Mapping[str, Checked], unit: str, console: Console) -> None:
