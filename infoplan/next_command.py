@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from infoplan.config import SurveyedConfig
 from infoplan.culprit import culprit_named
-from infoplan.draw.console import say, wide_console
+from infoplan.draw.console import INDENT, say, wide_console
 from infoplan.draw.next_picture import draw_track
 from infoplan.draw.next_table import print_track
 from infoplan.errors import UsageError
@@ -180,8 +180,9 @@ def plan_next(
             "no GPX and no mission: they are in degrees, and the log is in metres of its own plane "
             "(crs= of infoplan survey places it)",
         )
-    for path in (*files, picture):
-        say(console, str(path))
+    say(console, f"{folder}:")
+    names = ", ".join(path.name for path in (*files, picture))
+    say(console, f"{INDENT}{names}", indent=INDENT)
     return 0
 
 

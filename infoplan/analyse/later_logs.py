@@ -9,7 +9,6 @@ from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.study.store import read_table, table_path
 from infoplan.wording import counted, harmless
 
-
 COUNTS = {
     "samples": "samples", "flagged_first": "flagged then", CONFIRMED: CONFIRMED,
     CLEARED: CLEARED, UNTESTED: UNTESTED, "flagged_since": "flagged since",

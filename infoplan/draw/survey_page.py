@@ -74,7 +74,7 @@ def write_survey_page(path: Path, study: Study, log: SurveyLog) -> str:
             read_stretches(study.results_dir, run.name, seed), log.unit)),
     }  # fmt: skip
     write_page(path, fill_page("survey_page", data, parts))
-    return f"{path}: the map to look around in, flags of {', '.join(verdicts)}"
+    return f"{path.name}: the map to look around in, flags of {', '.join(verdicts)}"
 
 
 def unit_words(unit: str) -> str:

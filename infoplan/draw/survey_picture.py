@@ -30,6 +30,9 @@ LOG = "log"
 IN_A_ROW = 3
 """Logs in a row of the legend, at most."""
 
+MANY = 60
+"""Flagged samples from which on their marks get smaller."""
+
 COLOURS, LINES, MARKERS = ("0.6", "#56B4E9", "#CC79A7", "#E69F00"), ("-", "--", ":"), "os^D"
 """Of the tracks of several logs, in turn."""
 
@@ -123,5 +126,7 @@ def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
 
 
 def _mark(axes: "Axes", flagged: pd.DataFrame, colour: str) -> None:
-    """Mark flagged samples."""
-    axes.plot(flagged["x1"], flagged["x2"], "x", color=colour, ms=5, mew=1.2, zorder=3)
+    """Mark flagged samples; many get smaller marks, that the map is still seen."""
+    share = min(1.0, max(0.3, (MANY / max(len(flagged), 1)) ** 0.5))
+    axes.plot(flagged["x1"], flagged["x2"], "x", color=colour, ms=5 * share, mew=1.2 * share,
+              zorder=3)  # fmt: skip

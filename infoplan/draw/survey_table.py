@@ -18,7 +18,7 @@ from infoplan.study.study import Study
 from infoplan.wording import counted, figure, interval
 
 
-def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
+def print_survey(study: Study, console: Console, folder: Path, files: Sequence[str]) -> None:
     """Print what was flagged, how well the rest predicts itself, and what was written.
 
     Parameters
@@ -27,8 +27,8 @@ def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
         Of one survey, done.
     console
         Where to.
-    files
-        A sentence on each file.
+    folder, files
+        What one takes away: where it lies, and a line on each file.
     """
     run, (seed,) = study.runs[0]
     flagged, told = (
@@ -49,8 +49,9 @@ def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
     last = read_table(study.results_dir, "curves", run.name, seed).to_pylist()[-1]
     if said := collapse_sentence([ended_collapsed(study.results_dir, run.name, seed, last)]):
         say(console, said, indent=INDENT, style="yellow")
+    say(console, f"{folder}:")
     for file in files:
-        say(console, file)
+        say(console, f"{INDENT}{file}", indent=2 * INDENT)
     tables = present_tables(study.results_dir, run.name, seed)
     say(console, f"tables: {study.results_dir}/{', '.join(tables)}")
 

@@ -70,6 +70,9 @@ def test_the_same_survey_is_kept_and_another_log_or_option_is_another_run(done, 
     folder, _ = done
     assert survey(folder, folder / "bay.csv", *QUICK) == ""
     assert "1 of 1 missions are there already" in capsys.readouterr().out
+    columns = "columns={value: Depth (ft), time: time, lon: Longitude, lat: Latitude}"
+    assert survey(folder, folder / "bay.csv", *QUICK, columns) == ""
+    assert "WARNING" not in capsys.readouterr().out, "the columns that are found anyway"
     changed = tmp_path / "bay.csv"
     changed.write_bytes((folder / "bay.csv").read_bytes() + b"# one byte more\n")
     assert survey(folder, changed, *QUICK).startswith("survey-bay-")
