@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 import scipy.linalg  # noqa: F401 - its BLAS counts, too
 import threadpoolctl
-
 from survey_logs import QUICK, write_log
 
 import infoplan

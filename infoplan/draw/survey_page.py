@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -73,8 +74,13 @@ def write_survey_page(path: Path, study: Study, log: SurveyLog) -> str:
         "numbers": _numbers(log, int((~told).sum()), run.name, score_lines(
             read_stretches(study.results_dir, run.name, seed), log.unit)),
     }  # fmt: skip
-    write_page(path, fill_page("survey_page", data, parts))
+    write_page(path, fill_survey_page(data, parts))
     return f"{path.name}: the map to look around in, flags of {', '.join(verdicts)}"
+
+
+def fill_survey_page(data: Mapping[str, Any], parts: dict[str, str]) -> str:
+    """Put the page together, of the data of `page_data` and the parts that are HTML."""
+    return fill_page("survey_page", data, parts, brand="survey", first="place", first_words="map")
 
 
 def unit_words(unit: str) -> str:

@@ -23,7 +23,8 @@ from survey_logs import (
 from infoplan.analyse.verdicts import Verdict
 from infoplan.cli import main
 from infoplan.config import SurveyedConfig
-from infoplan.draw.page import fill_page, write_page
+from infoplan.draw.page import write_page
+from infoplan.draw.survey_page import fill_survey_page
 from infoplan.draw.survey_page_data import page_data, sources_of
 from infoplan.survey import SurveyLog
 
@@ -501,7 +502,7 @@ def many(folder: Path, n: int = 50_000) -> Path:
     place = SurveyedConfig(extent=[0.0, 500.0, 0.0, 500.0], origin=[0.0, 0.0])
     data = page_data(samples, sources_of(log), maps, verdicts, log, place) | {"belongs": ""}
     parts = dict.fromkeys(("title", "subtitle", "later", "detectors", "numbers"), "many")
-    write_page(folder / "page.html", fill_page("survey_page", data, parts))
+    write_page(folder / "page.html", fill_survey_page(data, parts))
     return folder / "page.html"
 
 
