@@ -181,8 +181,8 @@ def plan_next(
             "(crs= of infoplan survey places it)",
         )
     say(console, f"{folder}:")
-    names = ", ".join(path.name for path in (*files, picture))
-    say(console, f"{INDENT}{names}", indent=INDENT)
+    written = ", ".join(path.name for path in (*files, picture))
+    say(console, f"{INDENT}{written}", indent=INDENT)
     return 0
 
 

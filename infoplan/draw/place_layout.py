@@ -65,7 +65,8 @@ def end_of_deviation(std: Floats, kept: Floats) -> float:
     kept
         Values in the model, shape (n,).
     """
-    most, spread = float(np.nanmax(std)), float(np.nanstd(kept)) if len(kept) else 0.0
+    told = kept[np.isfinite(kept)]
+    most, spread = float(np.nanmax(std)), float(np.std(told)) if len(told) else 0.0
     return min(most, spread) if spread > 0 else most
 
 
