@@ -53,6 +53,7 @@ class Track:
     revisited: NDArray[np.bool_]
 
 
+@one_thread()
 def look_ahead(
     belief: Belief,
     config: MissionConfig,
@@ -136,14 +137,13 @@ def look_ahead(
         rng = generator(belief.seed, "planner", number)
         left = samples + 1 - len(poses)
         turns = TURNS if any_heading and number == 1 else 1
-        with one_thread():
-            driven = _first_way(planner, situation, rng, left, turns, plans, config, label)
-            if driven is None:
-                break
-            start, piece = driven
-            told, uncertain = _predict(belief.model, piece[:, :2], config)
-            belief.model.append(piece[:, :2], told)
-            deviation = _predict(belief.model, nodes, config)[1]
+        driven = _first_way(planner, situation, rng, left, turns, plans, config, label)
+        if driven is None:
+            break
+        start, piece = driven
+        told, uncertain = _predict(belief.model, piece[:, :2], config)
+        belief.model.append(piece[:, :2], told)
+        deviation = _predict(belief.model, nodes, config)[1]
         predicted.append((told, uncertain))
         poses = np.concatenate([poses[:-1], start[None], piece])
         revisited |= near(flagged, piece[:, :2], config.robot.speed)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from infoplan.config import SurveyedConfig
 from infoplan.culprit import culprit_named
-from infoplan.draw.console import say, wide_console
+from infoplan.draw.console import INDENT, say, wide_console
 from infoplan.draw.next_picture import draw_track
 from infoplan.draw.next_table import print_track
 from infoplan.errors import UsageError
@@ -156,7 +156,10 @@ def plan_next(
     )  # fmt: skip
     folder = results_dir / "surveys" / source.name / "next"
     files = write_track(folder, planned)
-    picture = draw_track(track, area, samples.x, folder, place.name, place.unit or "")[0]
+    picture = draw_track(
+        track, area, samples.x, samples.measured[~samples.flagged], folder, place.name,
+        place.unit or "",
+    )[0]  # fmt: skip
     say(
         console,
         f"{source.name}: {method_label(config.planner)} from {_told(track.poses[0], plane)}, "
@@ -177,8 +180,9 @@ def plan_next(
             "no GPX and no mission: they are in degrees, and the log is in metres of its own plane "
             "(crs= of infoplan survey places it)",
         )
-    for path in (*files, picture):
-        say(console, str(path))
+    say(console, f"{folder}:")
+    written = ", ".join(path.name for path in (*files, picture))
+    say(console, f"{INDENT}{written}", indent=INDENT)
     return 0
 
 

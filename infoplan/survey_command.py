@@ -72,17 +72,17 @@ def survey(
     study = survey_study(log, config, listening)
     if study.failed:
         return 1
-    print_survey(study, console, _written(study, log))
+    folder = study.results_dir / "surveys" / study.runs[0][0].name
+    print_survey(study, console, folder, _written(study, log, folder))
     if check is not None:
         checked = check_detectors(survey_samples(log, config), config, check)
         print_check(checked, log.unit, console)
     return 0
 
 
-def _written(study: Study, log: SurveyLog) -> list[str]:
-    """Write the files of a survey; returns a sentence on each."""
+def _written(study: Study, log: SurveyLog, folder: Path) -> list[str]:
+    """Write the files of a survey; returns a line on each."""
     run, _ = study.runs[0]
-    folder = study.results_dir / "surveys" / run.name
     samples, maps = (
         read_table(study.results_dir, name, run.name, SEED).to_pandas()
         for name in ("samples", "maps")
@@ -110,8 +110,8 @@ def _written(study: Study, log: SurveyLog) -> list[str]:
     tiff = write_geotiff(folder / "map.tif", bands, place.extent, place.origin, log.crs)
     picture = draw_survey(samples, maps, folder, log.name, log.unit)[0]
     return [
-        *(f"{path}: all rows, with score, flagged and why" for path in clean),
+        *(f"{path.name}: all rows, with score, flagged and why" for path in clean),
         tiff,
-        f"{picture}: track, flags, mean, deviation",
+        f"{picture.name}: track, flags, mean, deviation",
         write_survey_page(folder / "page.html", study, log),
     ]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 QUICK = ["model=gp", "model.pilot_iterations=20", "model.iterations=1", "grid=[9,8]"]
 """Options of a survey of a tenth of a second."""
@@ -59,3 +60,37 @@ def write_long_log(path: Path, samples: int, length: float = 250.0) -> Path:
     table = np.column_stack([np.arange(samples), x, y, depth])
     np.savetxt(path, table, "%.3f", ",", header="time,x,y,depth", comments="")
     return path
+
+
+FOOT = 0.3048
+SPIKE, ROCK, LONELY = 10, 50, 90
+"""Rows of the first log: a spike and a rock that the second passes, a spike that it does not."""
+
+
+def _floor(x, y):
+    return 9 + 0.03 * x + 0.02 * y
+
+
+def write(path, columns):
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
+def first_log(path, start=1.7e9):
+    rng = np.random.default_rng(2)
+    x, y = np.tile(1.5 * np.arange(20.0), 5), np.repeat(6.0 * np.arange(5), 20)
+    depth = _floor(x, y) + rng.normal(0, 0.05, 100)
+    depth[[SPIKE, ROCK, LONELY]] += [5, 3, 5]
+    return write(path, {"time": start + np.arange(100), "x": x, "y": y, "depth (m)": depth})
+
+
+def second_log(path, start=1.7e9 + 86400):
+    """Along the first leg and about the rock, in feet, under other names."""
+    rng = np.random.default_rng(3)
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    x = np.concatenate([np.arange(30.0), 15 + 0.6 * np.cos(turn)])
+    y = np.concatenate([np.full(30, 1.0), 12 + 0.6 * np.sin(turn)])
+    depth = _floor(x, y) + rng.normal(0, 0.05, 42)
+    depth[30:] += 3
+    columns = {"Northing": y, "Easting": x, "Sounding depth (ft)": depth / FOOT}
+    return write(path, {**columns, "timestamp": start + np.arange(42)})

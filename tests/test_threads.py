@@ -8,8 +8,13 @@ import pandas as pd
 import pytest
 import scipy.linalg  # noqa: F401 - its BLAS counts, too
 import threadpoolctl
+from survey_logs import QUICK, write_log
 
 import infoplan
+from infoplan.analyse.audit import neighbours
+from infoplan.cli import main
+from infoplan.model import VecchiaProcess
+from infoplan.terrain import load_terrain
 from infoplan.threads import look_again, one_thread
 
 
@@ -82,3 +87,48 @@ def test_threads_give_the_bits_of_one_after_the_other(detector):
         for one, other in zip(wanted, got, strict=True):
             np.testing.assert_array_equal(one, other)
     assert blas_threads() == before
+
+
+def test_models_solve_on_one_thread_whoever_asks_them(tmp_path, monkeypatch):
+    """Solves with a few dozen samples take twenty times as long on two threads as on one."""
+    seen: set[int] = set()
+    libraries = threadpoolctl.ThreadpoolController().select(user_api="blas")
+
+    def watched(function):
+        def call(*arguments, **options):
+            seen.update(library["num_threads"] for library in libraries.info())
+            return function(*arguments, **options)
+
+        return call
+
+    for owner, names in (
+        (VecchiaProcess, ("predict", "optimize", "replace", "append",
+                          "weights_and_sparse_inverse")),
+        (neighbours, ("predict", "log_likelihood", "information")),
+    ):  # fmt: skip
+        for name in names:
+            monkeypatch.setattr(owner, name, watched(getattr(owner, name)))
+    log, results = write_log(tmp_path / "bay.csv"), tmp_path / "results"
+    there = [f"results_dir={results}"]
+    options = [*QUICK[1:], "model=vecchia"]
+
+    def limited(act) -> bool:
+        seen.clear()
+        act()
+        return seen == {1}
+
+    def command(*words: str) -> None:
+        assert main([*words, *there]) == 0
+
+    assert limited(lambda: command("survey", str(log), *options, "check=0.05"))
+    run = next((results / "runs").glob("survey-*.yaml")).stem
+    assert limited(lambda: command("next", run, "budget=60", "planner.iterations=20"))
+    assert limited(lambda: command("replay", run, "detector=hampel", "backend=sequential"))
+    assert limited(lambda: command("audit", run))
+    options = ["terrain=volcano", "model=vecchia", "planner=random", "model.pilot_iterations=3"]
+    config = infoplan.configure(*options, budget=150, grid=[9, 9], detector="gp_residual")
+    assert limited(lambda: infoplan.fly(config))
+    mission = infoplan.Mission(config, load_terrain("volcano"), seed=1)
+    assert limited(lambda: mission.start(mission.sample(mission.pilot_path())))
+    assert limited(lambda: mission.observe(mission.sample(mission.plan())))
+    assert set(blas_threads()) == {2}, "as before"

@@ -9,6 +9,14 @@ from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.study.store import read_table, table_path
 from infoplan.wording import counted, harmless
 
+COUNTS = {
+    "samples": "samples", "flagged_first": "flagged then", CONFIRMED: CONFIRMED,
+    CLEARED: CLEARED, UNTESTED: UNTESTED, "flagged_since": "flagged since",
+}  # fmt: skip
+"""Columns of `verdict_counts`, and what tables call them."""
+
+COUNTS_TITLE = "Flags of each log when it was the last, and what later logs made of them"
+
 
 def read_origins(results_dir: Path, run: str, seed: int) -> pd.DataFrame | None:
     """Read where the samples of a survey come from (`infoplan.tables`); None: from one log."""

@@ -7,21 +7,28 @@ import numpy as np
 import pandas as pd
 
 from infoplan.draw import style
+from infoplan.draw.place_layout import beyond, end_of_deviation, picture_height, with_unit
 from infoplan.lookahead import Track
 from infoplan.survey.area import Area
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, TALLEST, FLATTEST = 7.0, 8.0, 2.6
-"""Of the picture, inches; its height follows the area's, within these."""
+WIDTH, PANEL, AROUND = 7.0, 2.55, 1.15
+"""Of the picture, of a panel, and what titles and the legend take, inches."""
 
 AHEAD, FLAG, ZONE = "#D55E00", "white", "#CC79A7"
 """Colours of the track ahead, of what is flagged, and of zones."""
 
 
 def draw_track(
-    track: Track, area: Area, surveyed: style.Floats, folder: Path, place: str, unit: str
+    track: Track,
+    area: Area,
+    surveyed: style.Floats,
+    kept: style.Floats,
+    folder: Path,
+    place: str,
+    unit: str,
 ) -> list[Path]:
     """Draw a track ahead.
 
@@ -31,6 +38,8 @@ def draw_track(
         As planned.
     surveyed
         Where the survey's samples lie, shape (n, 2).
+    kept
+        Values of those in the model: the deviation's colours end at theirs.
     folder
         Where ``picture.png``, the same as PDF, and the track as CSV land.
     place, unit
@@ -47,12 +56,9 @@ def draw_track(
         If they cannot be written.
     """
     extent = area.extent
-    ratio = (extent[3] - extent[2]) / (extent[1] - extent[0])
-    height = min(max(ratio * WIDTH / 2.8 + 0.9, FLATTEST), TALLEST)
-    named = f"({style.inert(unit, style.LONGEST_UNIT)})" if unit else ""
-    most = float(np.nanmax(track.std_before))
+    most = end_of_deviation(track.std_before, kept)
     with style.journal():
-        drawing = style.new_figure(WIDTH, height)
+        drawing = style.new_figure(WIDTH, picture_height(extent, PANEL, AROUND))
         panels = drawing.subplots(1, 2, sharex=True, sharey=True)
         for axes, letter, what, std in (
             (panels[0], "a", f"{style.inert(place)}: deviation now", track.std_before),
@@ -63,15 +69,25 @@ def draw_track(
             )
             style.frame_workspace(axes, extent)
             _draw_area(axes, area)
-            axes.plot(*surveyed.T, color="white", lw=0.5, alpha=0.6)
-            axes.plot(*track.flagged[~track.revisited].T, "x", color=FLAG, ms=4, mew=1.0)
-            axes.plot(*track.flagged[track.revisited].T, "x", color=AHEAD, ms=4, mew=1.0)
-            axes.plot(*track.poses[:, :2].T, color=AHEAD, lw=1.2)
-            axes.plot(*track.poses[0, :2], "o", color=AHEAD, ms=4)
-            axes.plot(*track.poses[-1, :2], "s", color=AHEAD, ms=4)
+            met = track.revisited
+            axes.plot(*surveyed.T, color="white", lw=0.8, alpha=0.7, label="surveyed")
+            for flags, colour, label in (
+                (track.flagged[~met], FLAG, "flagged"),
+                (track.flagged[met], AHEAD, "flagged, met"),
+            ):
+                if len(flags):
+                    axes.plot(*flags.T, "x", color=colour, ms=4, mew=1.0, label=label)
+            axes.plot(*track.poses[:, :2].T, color=AHEAD, lw=1.2, label="track ahead")
+            axes.plot(*track.poses[0, :2], "o", color=AHEAD, ms=4, label="start")
+            axes.plot(*track.poses[-1, :2], "s", color=AHEAD, ms=4, label="end")
             axes.set(xlabel="m", ylabel="m" if letter == "a" else "")
             style.panel(axes, letter, what)
-        style.colour_bar(image, panels[1], f"standard deviation {named}".rstrip())
+        style.colour_bar(image, panels[1], with_unit("standard deviation", unit),
+                         extend=beyond(track.std_before, 0.0, most))  # fmt: skip
+        drawing.legend(
+            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4,
+            fontsize=7, frameon=True, facecolor="0.6", framealpha=1.0,
+        )  # fmt: skip
         numbers = pd.DataFrame(track.poses, columns=["x1", "x2", "heading"])
         numbers["deviation"] = track.deviation
         return style.save(drawing, folder, "picture", numbers)
@@ -80,8 +96,9 @@ def draw_track(
 def _draw_area(axes: "Axes", area: Area) -> None:
     """Draw the border and the zones, and make room for them."""
     axes.fill(*area.border.T, fill=False, edgecolor="black", lw=0.8)
-    for zone in area.zones:
-        axes.fill(*zone.T, facecolor="none", edgecolor=ZONE, hatch="///", lw=0.8)
+    for number, zone in enumerate(area.zones):
+        axes.fill(*zone.T, facecolor="none", edgecolor=ZONE, hatch="///", lw=0.8,
+                  label="no-go zone" if number == 0 else None)  # fmt: skip
     width, height = np.ptp(area.border, axis=0)
     xmin, xmax, ymin, ymax = area.extent
     axes.set(

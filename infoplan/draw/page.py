@@ -14,7 +14,9 @@ from infoplan.wording import harmless
 HERE = Path(__file__).parent
 
 
-def fill_page(name: str, data: Any, parts: dict[str, str]) -> str:
+def fill_page(
+    name: str, data: Any, parts: dict[str, str], *, brand: str, first: str, first_words: str
+) -> str:
     """Put a page together that needs nothing besides itself.
 
     Parameters
@@ -24,11 +26,21 @@ def fill_page(name: str, data: Any, parts: dict[str, str]) -> str:
     data
         What the script reads: anything that JSON knows, without NaN.
     parts
-        HTML for the template's places, every text in it escaped.
+        HTML for the template's places, and ``title`` and ``subtitle``, every text in it escaped.
+    brand
+        What kind of page of infoplan's it is.
+    first, first_words
+        Identifier of the section that a keyboard can skip to, and what that is called.
     """
     both = ("page", name)
-    return Template((HERE / f"{name}.html").read_text(encoding="utf-8")).substitute(
-        parts,
+    body = Template((HERE / f"{name}.html").read_text(encoding="utf-8")).substitute(parts)
+    return Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
+        title=parts["title"],
+        subtitle=parts["subtitle"],
+        brand=brand,
+        first=first,
+        first_words=first_words,
+        body=body,
         data=embedded(data),
         style="\n".join((HERE / f"{one}.css").read_text(encoding="utf-8") for one in both),
         script="\n".join((HERE / f"{one}.js").read_text(encoding="utf-8") for one in both),

@@ -153,7 +153,9 @@ def _rendered(selection: Selection) -> str:
         "runs": _runs(selection, findings, footers),
         "provenance": _provenance(selection, footers),
     }
-    return fill_page("report_page", data, parts)
+    return fill_page(
+        "report_page", data, parts, brand="report", first="summary", first_words="summary"
+    )
 
 
 def _judged(selection: Selection) -> tuple[list[Claim], str]:

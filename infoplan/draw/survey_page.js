@@ -10,6 +10,7 @@
   const row = new Int32Array(bytes(data.samples.row).buffer);
   const source = new Int32Array(bytes(data.samples.log).buffer);
   const { time } = data.samples;
+  const later = data.samples.later && bytes(data.samples.later); // null if there is one log
   const { logs } = data; // empty if there is one alone
   const count = x.length;
   const detectors = data.detectors.map((one) => ({
@@ -58,8 +59,14 @@
     told.push(["row", String(row[i])]);
     if (logs.length) told.push(["log", logs[source[i]]]);
     if (time) told.push(["time", time[i] ?? "–"]);
+    if (said(i)) told.push(["later logs", said(i)]);
     return told;
   }
+
+  // What later logs say of a flag of the survey's own detector; empty if nothing.
+  const said = (i) => (later && detector === detectors[0] ? data.later_words[later[i]] : "");
+  const cleared = (i) => said(i) === "cleared";
+  const marked = (i) => detector.flagged[i] || cleared(i);
 
   function heading(i) {
     const same = sharing(i);
@@ -176,7 +183,10 @@
     const each = Math.ceil(inside.length / MOST_DRAWN);
     paintTrack();
     paintSamples(each > 1 ? inside.filter((i) => i % each === 0) : inside);
-    for (const i of inside) if (detector.flagged[i]) cross(...toScreen(x[i], y[i]));
+    for (const i of inside) {
+      if (cleared(i) || said(i) === "confirmed") frame(...toScreen(x[i], y[i]));
+      if (detector.flagged[i]) cross(...toScreen(x[i], y[i]));
+    }
     at("thinned").textContent = each > 1
       ? `${inside.length} samples in view: one in ${each} is drawn, and all flagged ones; zoom in to see the others.`
       : "";
@@ -244,6 +254,15 @@
     }
   }
 
+  // A later log has been here.
+  function frame(left, top) {
+    for (const [width, colour] of [[5, "#10202e"], [2.2, "#7cc7ff"]]) {
+      pen.lineWidth = width;
+      pen.strokeStyle = colour;
+      pen.strokeRect(left - 8, top - 8, 16, 16);
+    }
+  }
+
   function ring(left, top) {
     for (const [width, colour] of [[5, "#10202e"], [2.2, "#ffffff"]]) {
       pen.beginPath();
@@ -272,14 +291,18 @@
       mark.style.left = `${(100 * (number - one.low)) / (one.high - one.low || 1)}%`;
       strip.append(mark);
     }
-    return element("div", {}, title, strip);
+    const [least, most] = one.range;
+    const farther = least < one.low || most > one.high;
+    const beyond = farther ? [element("p", { class: "muted beyond" }, `The map goes from ${shown(least)} to ${shown(most)}, farther than the colours.`)] : [];
+    return element("div", {}, title, strip, ...beyond);
   }
 
   function bars() {
     const there = [];
     if (layer.values && layer.name !== "mean") there.push(bar(layer, inUnit(layer.title, layer.unit)));
     const what = layer.name === "mean" ? `${track.title}, and ${layer.title}` : track.title;
-    there.push(bar(track, inUnit(what, track.unit)));
+    const range = layer.name === "mean" ? track.range : [track.low, track.high];
+    there.push(bar({ ...track, range }, inUnit(what, track.unit)));
     at("bars").replaceChildren(...there);
   }
 
@@ -358,7 +381,7 @@
   function step(by, flaggedOnly) {
     let i = pointed < 0 ? (by > 0 ? -1 : count) : pointed;
     do i += by;
-    while (i >= 0 && i < count && flaggedOnly && !detector.flagged[i]);
+    while (i >= 0 && i < count && flaggedOnly && !marked(i));
     if (i >= 0 && i < count) show(i);
   }
 
@@ -502,7 +525,7 @@
 
   // The list of flagged samples
 
-  const words = new Set(["log", "time"]); // columns that are no numbers
+  const words = new Set(["log", "time", "later logs"]); // columns that are no numbers
 
   const list = {
     column: -1,
@@ -516,14 +539,15 @@
       ["expected", (i) => detector.expected[i], (i) => computed(detector.expected[i])],
       ["difference", (i) => value[i] - detector.expected[i], (i) => computed(value[i] - detector.expected[i])],
       ["score", (i) => detector.score[i], (i) => computed(detector.score[i])],
+      ...(later ? [["later logs", (i) => data.later_words.indexOf(said(i)), (i) => said(i) || "–"]] : []),
     ],
 
     begin() {
       const headings = list.columns.map(([name], k) =>
         element("th", { scope: "col", class: k && !words.has(name) ? "number" : "" }, name));
       at("flag-table").tHead.rows[0].append(...headings);
-      headings.at(-1).setAttribute("aria-sort", "descending");
-      list.column = headings.length - 1;
+      list.column = list.columns.findIndex(([name]) => name === "score");
+      headings[list.column].setAttribute("aria-sort", "descending");
       sortBy(headings, (column, up) => {
         Object.assign(list, { column, up });
         list.fill();
@@ -538,16 +562,25 @@
     fill() {
       const key = list.columns[list.column][1];
       const found = [];
-      for (let i = 0; i < count; i++) if (detector.flagged[i]) found.push(i);
+      for (let i = 0; i < count; i++) if (marked(i)) found.push(i);
       // What has no number comes last, whichever way.
       const compare = (a, b) => Number.isNaN(key(a)) - Number.isNaN(key(b)) || (key(a) - key(b)) * (list.up ? 1 : -1) || a - b;
       found.sort(compare);
       const told = list.all ? found : found.slice(0, FIRST_ROWS);
       at("flag-table").tBodies[0].replaceChildren(...told.map(list.line));
-      at("flags-caption").textContent = `${found.length} of ${count} samples are flagged by ${detector.name}`
-        + (told.length < found.length ? `; ${told.length} are listed` : "");
+      const flags = detector.flagged.reduce((sum, flag) => sum + flag, 0);
+      at("flags-caption").textContent = `${flags} of ${count} samples are flagged by ${detector.name}`
+        + list.counted() + (told.length < found.length ? `; ${told.length} are listed` : "");
+      at("marks").hidden = !later || detector !== detectors[0];
       at("all-flags").hidden = told.length === found.length;
       at("all-flags").textContent = `List all ${found.length}`;
+    },
+
+    // How many of the flags before later logs came these confirm, clear, or leave.
+    counted() {
+      if (!later || detector !== detectors[0]) return "";
+      const told = data.later_words.slice(1).map((word, k) => `${later.filter((one) => one === k + 1).length} ${word}`);
+      return `; later logs have left ${told.join(", ")}`;
     },
 
     line(i) {

@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.analyse.detector_check import agreement
+from infoplan.analyse.later_logs import COUNTS, COUNTS_TITLE, read_origins, verdict_counts
 from infoplan.analyse.stretches import read_stretches
 from infoplan.analyse.verdicts import Verdict, survey_verdicts
 from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
@@ -47,11 +50,14 @@ def write_survey_page(path: Path, study: Study, log: SurveyLog) -> str:
         read_table(study.results_dir, name, run.name, seed).to_pandas()
         for name in ("samples", "maps", "curves")
     )
+    origins = read_origins(study.results_dir, run.name, seed)
+    counts = None if origins is None else verdict_counts(origins, samples)
     told = samples["measured"].notna().to_numpy()
     samples, sources = samples[told], sources_of(log)[told]
     verdicts, remarks = survey_verdicts(samples, curve.iloc[-1].to_dict(), run.config)
     own = next(iter(verdicts))
-    data = page_data(samples, sources, maps, verdicts, log, run.config.terrain)
+    later = None if origins is None else origins["verdict"][told].fillna("").tolist()
+    data = page_data(samples, sources, maps, verdicts, log, run.config.terrain, later)
     data["belongs"] = (
         f"The map is that of {own}, with which the survey was done: another choice shows the "
         "flags, scores and expected values of another detector on the same map."
@@ -63,12 +69,18 @@ def write_survey_page(path: Path, study: Study, log: SurveyLog) -> str:
             f"{counted(len(samples), 'sample')} of {data['value']} {unit_words(log.unit)}, on "
             f"{where if len(where) < 30 else 'the plane of a projection'}"
         ),
+        "later": "" if counts is None else _later(counts),
         "detectors": _detectors(verdicts, remarks),
         "numbers": _numbers(log, int((~told).sum()), run.name, score_lines(
             read_stretches(study.results_dir, run.name, seed), log.unit)),
     }  # fmt: skip
-    write_page(path, fill_page("survey_page", data, parts))
-    return f"{path}: the map to look around in, flags of {', '.join(verdicts)}"
+    write_page(path, fill_survey_page(data, parts))
+    return f"{path.name}: the map to look around in, flags of {', '.join(verdicts)}"
+
+
+def fill_survey_page(data: Mapping[str, Any], parts: dict[str, str]) -> str:
+    """Put the page together, of the data of `page_data` and the parts that are HTML."""
+    return fill_page("survey_page", data, parts, brand="survey", first="place", first_words="map")
 
 
 def unit_words(unit: str) -> str:
@@ -108,6 +120,12 @@ def _detectors(verdicts: Mapping[str, Verdict], remarks: Sequence[str]) -> str:
     )  # fmt: skip
 
 
+def _later(counts: pd.DataFrame) -> str:
+    """Count what the later logs have made of the flags of each log."""
+    rows = [[str(name), *(str(row[one]) for one in COUNTS)] for name, row in counts.iterrows()]
+    return html_table(["log", *COUNTS.values()], rows, caption=COUNTS_TITLE)
+
+
 def _alone(flags: Mapping[str, Booleans], name: str) -> int:
     """Count what a detector flags and none of the others does."""
     votes = np.sum([*flags.values()], axis=0)
@@ -123,7 +141,7 @@ def _numbers(log: SurveyLog, silent: int, run: str, scores: Sequence[str]) -> st
     """Tell what the reader of the log has met, and the cross-validated scores."""
     facts = list(log.remarks) if log.parts else []
     for one in log.parts or (log,):
-        before = f"{one.name}: " if log.parts else ""
+        before = f"log {one.name}: " if log.parts else ""
         facts.append(f"{before}{counted(len(one), 'sample')} from {len(one.columns)} rows")
         facts += [before + remark for remark in one.remarks]
     if silent:

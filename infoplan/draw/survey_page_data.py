@@ -1,7 +1,7 @@
 """The numbers behind a survey's page: layers, samples and verdicts, packed."""
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,8 @@ from infoplan.analyse.verdicts import Verdict
 from infoplan.backend import load_matplotlib
 from infoplan.config import SurveyedConfig
 from infoplan.draw import style
+from infoplan.draw.place_layout import end_of_deviation, ends_of_mean
+from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.survey import SurveyLog
 from infoplan.survey.names import BRACKETS
 from infoplan.survey.projection import to_degrees
@@ -34,6 +36,10 @@ LAYERS = {
 """Title, column of the map and colour map of each layer."""
 
 
+LATER = ["", CONFIRMED, CLEARED, UNTESTED]
+"""What later logs can say of a sample; first nothing."""
+
+
 def page_data(
     samples: pd.DataFrame,
     sources: pd.DataFrame,
@@ -41,6 +47,7 @@ def page_data(
     verdicts: Mapping[str, Verdict],
     log: SurveyLog,
     place: SurveyedConfig,
+    later: Sequence[str | None] | None = None,
 ) -> dict[str, Any]:
     """Gather what the page's script reads.
 
@@ -54,15 +61,25 @@ def page_data(
         By the detector's name.
     log, place
         As read, and the options of its terrain.
+    later
+        What the later logs say of each sample (`infoplan.later_logs`); None if there is one log.
 
     Returns
     -------
     dict
         Positions are metres from ``origin``. Arrays are text (`packed`): single precision, but for
-        the samples' values (double), rows (32-bit integers, counted from 1) and flags (bytes).
+        the samples' values (double), rows (32-bit integers, counted from 1), flags and numbers of
+        ``later_words`` (bytes).
     """
     unit, grid = harmless(log.unit), grid_of(maps)
-    ends = {"mean": unit, "deviation": unit, "density": "flagged samples"}
+    units = {"mean": unit, "deviation": unit, "density": "flagged samples"}
+    kept = samples.loc[~samples["flagged"], "measured"].to_numpy(dtype=float)
+    deviation, density = (on_grid(maps, column) for column in ("std", "outlier_density"))
+    ends = {
+        "mean": ends_of_mean(on_grid(maps, "mean"), kept),
+        "deviation": (float(deviation.min()), end_of_deviation(deviation, kept)),
+        "density": (float(density.min()), float(density.max())),
+    }
     return {
         "value": _value_name(log),
         "unit": unit,
@@ -76,8 +93,8 @@ def page_data(
             {
                 "name": name,
                 "title": title,
-                "unit": ends[name],
-                **_layer(on_grid(maps, column), map_),
+                "unit": units[name],
+                **_layer(on_grid(maps, column), map_, ends[name]),
             }
             for name, (title, column, map_) in LAYERS.items()
         ],
@@ -88,7 +105,11 @@ def page_data(
             "row": packed(sources["row"], "<i4"),
             "log": packed(sources["log"], "<i4"),
             "time": None if sources["time"].isna().all() else sources["time"].tolist(),
+            "later": None
+            if later is None
+            else packed([LATER.index(one or "") for one in later], "u1"),
         },
+        "later_words": LATER,
         "detectors": [
             {
                 "name": harmless(name),
@@ -143,8 +164,11 @@ def degrees(extent: tuple[float, float, float, float], origin: Any, crs: str) ->
     return found
 
 
-def _layer(values: Floats, colour_map: str) -> dict[str, Any]:
-    """Describe a layer of the map: its values, the south first, and its colours."""
+def _layer(values: Floats, colour_map: str, ends: tuple[float, float]) -> dict[str, Any]:
+    """Describe a layer of the map: its values, the south first, their range, and its colours.
+
+    What lies beyond the ends of the colours has the colour of the end.
+    """
     load_matplotlib()
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
@@ -152,8 +176,9 @@ def _layer(values: Floats, colour_map: str) -> dict[str, Any]:
     colours = colormaps[colour_map](np.linspace(0, 1, COLOURS))
     return {
         "values": packed(values, "<f4"),
-        "low": float(values.min()),
-        "high": float(values.max()),
+        "low": ends[0],
+        "high": ends[1],
+        "range": [float(values.min()), float(values.max())],
         "palette": [to_hex(colour) for colour in colours],
     }
 

@@ -1,6 +1,7 @@
 """A survey as a picture: track and flags, the mean, and its deviation, on scales in metres."""
 
 from itertools import cycle
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,15 +10,28 @@ import pandas as pd
 
 from infoplan.analyse.relief import grid_of, on_grid
 from infoplan.draw import style
+from infoplan.draw.place_layout import (
+    beyond,
+    end_of_deviation,
+    ends_of_mean,
+    picture_height,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, TALLEST, FLATTEST = 9.0, 8.0, 2.6
-"""Of the picture, inches; its height follows the place's, within these."""
+WIDTH, PANEL, AROUND, LEGEND = 9.0, 2.3, 0.75, 0.3
+"""Of the picture, of a panel, and what titles and a row of the legend take, inches."""
 
 LOG = "log"
 """Column of the samples that tells the log of each."""
+
+IN_A_ROW = 3
+"""Logs in a row of the legend, at most."""
+
+MANY = 60
+"""Flagged samples from which on their marks get smaller."""
 
 COLOURS, LINES, MARKERS = ("0.6", "#56B4E9", "#CC79A7", "#E69F00"), ("-", "--", ":"), "os^D"
 """Of the tracks of several logs, in turn."""
@@ -49,16 +63,20 @@ def draw_survey(
     """
     extent = grid_of(maps).extent
     mean, std = on_grid(maps, "mean"), on_grid(maps, "std")
-    low, high = float(np.nanmin(mean)), float(np.nanmax(mean))
-    ratio = (extent[3] - extent[2]) / (extent[1] - extent[0])
-    height = min(max(ratio * WIDTH / 4 + 1.2, FLATTEST), TALLEST)
-    named = f"({style.inert(unit, style.LONGEST_UNIT)})" if unit else ""
     flagged = samples["flagged"].to_numpy(dtype=bool)
+    kept = samples[~flagged]
+    values_kept = kept["measured"].to_numpy(dtype=float)
+    low, high = ends_of_mean(mean, values_kept)
+    most = end_of_deviation(std, values_kept)
+    names = list(_tracks(samples))
+    rows = ceil(len(names) / IN_A_ROW) if len(names) > 1 else 0
     with style.journal():
+        height = picture_height(extent, PANEL, AROUND + LEGEND * rows)
         drawing = style.new_figure(WIDTH, height)
         track, *others = drawing.subplots(1, 3, sharex=True, sharey=True)
         _draw_tracks(track, samples)
-        kept = samples[~flagged]
+        if rows:
+            drawing.legend(loc="outside lower center", ncols=min(IN_A_ROW, len(names)), fontsize=7)
         for part, marker in zip(_tracks(kept).values(), cycle(MARKERS), strict=False):
             values = track.scatter(
                 part["x1"], part["x2"], c=part["measured"], s=6, cmap=style.ELEVATION, vmin=low,
@@ -66,18 +84,19 @@ def draw_survey(
                 rasterized=True,  # a path a sample takes a viewer its time
             )  # fmt: skip
         style.frame_workspace(track, extent)
-        style.colour_bar(values, track, f"value {named}".rstrip())
+        style.colour_bar(values, track, with_unit("value", unit))
         style.panel(track, "a", f"{style.inert(place)}: {flagged.sum()} flagged")
         _mark(track, samples[flagged], "#D55E00")
-        for axes, letter, what, grid, cmap in (
-            (others[0], "b", "mean", mean, style.ELEVATION),
-            (others[1], "c", "standard deviation", std, style.DEVIATION),
-        ):
-            image = style.show_map(axes, grid, extent, cmap=cmap)
+        for axes, letter, what, grid, cmap, ends in (
+            (others[0], "b", "mean", mean, style.ELEVATION, (low, high)),
+            (others[1], "c", "standard deviation", std, style.DEVIATION,
+             (float(np.nanmin(std)), most)),
+        ):  # fmt: skip
+            image = style.show_map(axes, grid, extent, cmap=cmap, vmin=ends[0], vmax=ends[1])
             for part in _tracks(samples).values():
                 axes.plot(part["x1"], part["x2"], color="white", lw=0.5, alpha=0.6)
             _mark(axes, samples[flagged], "white")
-            style.colour_bar(image, axes, f"{what} {named}".rstrip())
+            style.colour_bar(image, axes, with_unit(what, unit), extend=beyond(grid, *ends))
             style.panel(axes, letter, what)
         for axes in (track, *others):
             axes.set(xlabel="m", ylabel="")
@@ -104,10 +123,10 @@ def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
             line = LINES[number // len(COLOURS) % len(LINES)]
         axes.plot(part["x1"], part["x2"], color=colour, ls=line, lw=width, zorder=1,
                   label=style.inert(name))  # fmt: skip
-    if len(tracks) > 1:
-        axes.legend(fontsize=6, loc="best", framealpha=0.8)
 
 
 def _mark(axes: "Axes", flagged: pd.DataFrame, colour: str) -> None:
-    """Mark flagged samples."""
-    axes.plot(flagged["x1"], flagged["x2"], "x", color=colour, ms=5, mew=1.2, zorder=3)
+    """Mark flagged samples; many get smaller marks, that the map is still seen."""
+    share = min(1.0, max(0.3, (MANY / max(len(flagged), 1)) ** 0.5))
+    axes.plot(flagged["x1"], flagged["x2"], "x", color=colour, ms=5 * share, mew=1.2 * share,
+              zorder=3)  # fmt: skip

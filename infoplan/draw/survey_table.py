@@ -7,19 +7,18 @@ import pandas as pd
 from rich.console import Console
 
 from infoplan.analyse.detector_check import Checked, agreement
-from infoplan.analyse.later_logs import read_origins, verdict_counts
+from infoplan.analyse.later_logs import COUNTS, COUNTS_TITLE, read_origins, verdict_counts
 from infoplan.analyse.stretches import NO_TRUTH, gain, read_stretches, scores_by_epoch
 from infoplan.collapse import collapse_sentence
 from infoplan.draw.console import INDENT, say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
-from infoplan.later_logs import CLEARED, CONFIRMED, UNTESTED
 from infoplan.study.store import present_tables, read_table
 from infoplan.study.stored_curves import ended_collapsed
 from infoplan.study.study import Study
 from infoplan.wording import counted, figure, interval
 
 
-def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
+def print_survey(study: Study, console: Console, folder: Path, files: Sequence[str]) -> None:
     """Print what was flagged, how well the rest predicts itself, and what was written.
 
     Parameters
@@ -28,8 +27,8 @@ def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
         Of one survey, done.
     console
         Where to.
-    files
-        A sentence on each file.
+    folder, files
+        What one takes away: where it lies, and a line on each file.
     """
     run, (seed,) = study.runs[0]
     flagged, told = (
@@ -50,8 +49,9 @@ def print_survey(study: Study, console: Console, files: Sequence[str]) -> None:
     last = read_table(study.results_dir, "curves", run.name, seed).to_pylist()[-1]
     if said := collapse_sentence([ended_collapsed(study.results_dir, run.name, seed, last)]):
         say(console, said, indent=INDENT, style="yellow")
+    say(console, f"{folder}:")
     for file in files:
-        say(console, file)
+        say(console, f"{INDENT}{file}", indent=2 * INDENT)
     tables = present_tables(study.results_dir, run.name, seed)
     say(console, f"tables: {study.results_dir}/{', '.join(tables)}")
 
@@ -63,19 +63,12 @@ def print_logs(results_dir: Path, run: str, seed: int, console: Console) -> None
         return
     samples = read_table(results_dir, "samples", run, seed).to_pandas()
     counts = verdict_counts(origins, samples)
-    titles = {
-        "samples": "samples", "flagged_first": "flagged then", CONFIRMED: CONFIRMED,
-        CLEARED: CLEARED, UNTESTED: UNTESTED, "flagged_since": "flagged since",
-    }  # fmt: skip
     columns = [TextColumn("log", least=WHOLE)]
-    columns += [TextColumn(title, right=True) for title in titles.values()]
+    columns += [TextColumn(title, right=True) for title in COUNTS.values()]
     rows = [
-        [str(name), *(str(row[column]) for column in titles)] for name, row in counts.iterrows()
+        [str(name), *(str(row[column]) for column in COUNTS)] for name, row in counts.iterrows()
     ]
-    print_table(
-        console, "Flags of each log when it was the last, and what later logs made of them",
-        columns, rows,
-    )  # fmt: skip
+    print_table(console, COUNTS_TITLE, columns, rows)
 
 
 def print_check(checked: Mapping[str, Checked], unit: str, console: Console) -> None:

@@ -87,7 +87,7 @@ def survey_config(log: SurveyLog, batch: str | None) -> MissionConfig:
             unit=log.unit,
             crs=log.crs,
             origin=[float(side) for side in origin],
-            columns=dict(log.roles),
+            columns=dict(sorted(log.roles.items())),
             batch=batch,
         ),
         rho=0.0,

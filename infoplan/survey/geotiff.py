@@ -66,4 +66,4 @@ def write_geotiff(
                 file.set_band_unit(number, unit)
         unfinished.replace(path)
     where = f"in {crs}" if crs else "in metres, without a place in the world (crs= gives one)"
-    return f"{path}: {', '.join(bands)}, {where}"
+    return f"{path.name}: {', '.join(bands)}, {where}"

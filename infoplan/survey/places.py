@@ -96,12 +96,8 @@ def read_polygons(text: str, plane: Plane, option: str) -> list[Rings]:
 
     Parameters
     ----------
-    text
-        As typed.
-    plane
-        The log's.
-    option
-        What a message calls it.
+    text, plane, option
+        As of `read_place`.
 
     Returns
     -------

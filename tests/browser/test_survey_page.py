@@ -7,12 +7,24 @@ import numpy as np
 import pandas as pd
 import pytest
 from browsing import Browser, contrast, luminance
-from survey_logs import HOSTILE, QUICK, SPIKES, write_hostile_log, write_log
+from survey_logs import (
+    HOSTILE,
+    LONELY,
+    QUICK,
+    ROCK,
+    SPIKE,
+    SPIKES,
+    first_log,
+    second_log,
+    write_hostile_log,
+    write_log,
+)
 
 from infoplan.analyse.verdicts import Verdict
 from infoplan.cli import main
 from infoplan.config import SurveyedConfig
-from infoplan.draw.page import fill_page, write_page
+from infoplan.draw.page import write_page
+from infoplan.draw.survey_page import fill_survey_page
 from infoplan.draw.survey_page_data import page_data, sources_of
 from infoplan.survey import SurveyLog
 
@@ -389,6 +401,79 @@ def test_samples_in_one_place_are_reached_one_after_the_other(browser, tmp_path)
     assert len(set(seen)) == 3
 
 
+FRAME, CROSS = 0xFFFFC77C, 0xFF3D8AFF
+"""Colours of the marks, as a canvas stores them: #7cc7ff where a later log has been, #ff8a3d."""
+
+
+def colours_about(browser: Survey, row: int) -> set[int]:
+    """Colours within ten pixels of a sample of the first log, which is brought into the middle."""
+    next(
+        line.find_element("css selector", "button")
+        for line in browser.all("#flag-table tbody tr")
+        if line.text.split()[:2] == [str(row), "may"]
+    ).click()
+    browser.one("#map").send_keys("\ue00c")  # neither ring nor numbers
+    pixels = np.array(browser.painted(), dtype=np.uint32)
+    size = browser.js(
+        "const canvas = document.querySelector('#map canvas');return [canvas.height, canvas.width]"
+    )
+    middle = pixels.reshape(size)[size[0] // 2 - 10 : size[0] // 2 + 10]
+    return set(middle[:, size[1] // 2 - 10 : size[1] // 2 + 10].ravel().tolist())
+
+
+def test_what_later_logs_say_of_a_flag_is_marked_told_and_counted(browser, tmp_path):
+    logs = first_log(tmp_path / "may.csv"), second_log(tmp_path / "june.csv")
+    browser.page = survey(tmp_path, logs[0], str(logs[1]), *QUICK, "detector=local")
+    origins = pd.read_parquet(next((tmp_path / "results" / "origins").glob("*/*.parquet")))
+    counts = [int((origins["verdict"] == word).sum()) for word in ("confirmed", "cleared")]
+    untested = int((origins["verdict"] == "untested").sum())
+    assert counts[1] > 0
+    browser.open()
+    assert browser.one("#flags-caption").text.endswith(
+        f"later logs have left {counts[0]} confirmed, {counts[1]} cleared, {untested} untested"
+    )
+    listed = [line.text.split() for line in browser.all("#flag-table tbody tr")]
+    said = {(line[1], int(line[0]) - 1): line[-1] for line in listed}
+    for row, word in ((SPIKE, "confirmed"), (ROCK, "cleared"), (LONELY, "untested")):
+        assert said["may", row] == word
+    table = next(one for one in browser.all("#flags table") if "flagged then" in one.text)
+    row = next(line.text.split() for line in table.find_elements("css selector", "tr")
+               if line.text.startswith("may"))  # fmt: skip
+    assert row[3:6] == [str(counts[0]), str(counts[1]), str(untested)]
+    for row, marks in ((SPIKE, {FRAME, CROSS}), (ROCK, {FRAME}), (LONELY, {CROSS})):
+        assert colours_about(browser, row + 1) & {FRAME, CROSS} == marks
+    browser.one("#map").send_keys("P")
+    while browser.facts()["row"] != str(ROCK + 1):
+        browser.one("#map").send_keys("P")
+    facts = browser.facts()
+    assert (facts["log"], facts["later"]) == ("may", "logs cleared")
+    assert browser.one("#tip strong").text.startswith("not flagged by local")
+    assert browser.one("#marks").is_displayed()
+    # They are about the survey's own flags, not about those of another detector.
+    browser.choose("detector-choice", "copod")
+    assert "later logs" not in browser.one("#flags-caption").text
+    assert not browser.one("#marks").is_displayed()
+    assert "later" not in browser.facts()
+
+
+def test_of_one_log_no_later_one_says_anything(browser):
+    browser.open()
+    assert "later logs" not in browser.one("#flags").text
+    assert not browser.one("#marks").is_displayed()
+
+
+def test_colours_are_those_of_what_was_measured(browser, bay):
+    browser.open()
+    clean = pd.read_csv(bay.with_name("clean.csv"))
+    kept = clean["Depth (ft)"][~clean["flagged"]]
+    data = browser.js("return JSON.parse(document.getElementById('data').textContent)")
+    mean = data["layers"][0]
+    assert (mean["low"], mean["high"]) == pytest.approx((kept.min(), kept.max()))
+    assert browser.one("#bars .bar").get_attribute("aria-label") == (
+        f"Depth, and mean (ft): {kept.min():.2f} to {kept.max():.1f}"
+    )
+
+
 def many(folder: Path, n: int = 50_000) -> Path:
     """Write the page of a survey of many samples, which nobody has to judge."""
     t = np.arange(n)
@@ -411,13 +496,13 @@ def many(folder: Path, n: int = 50_000) -> Path:
             "outlier_density": 0.0,
         }
     )
-    samples = pd.DataFrame({"x1": x[:, 0], "x2": x[:, 1], "measured": value})
+    samples = pd.DataFrame({"x1": x[:, 0], "x2": x[:, 1], "measured": value, "flagged": flagged})
     score = np.where(flagged, 4.0, 1.0) + t / n
     verdicts = {f"number{k}": Verdict(flagged, score, value, 3.0) for k in range(5)}
     place = SurveyedConfig(extent=[0.0, 500.0, 0.0, 500.0], origin=[0.0, 0.0])
     data = page_data(samples, sources_of(log), maps, verdicts, log, place) | {"belongs": ""}
-    parts = dict.fromkeys(("title", "subtitle", "detectors", "numbers"), "many")
-    write_page(folder / "page.html", fill_page("survey_page", data, parts))
+    parts = dict.fromkeys(("title", "subtitle", "later", "detectors", "numbers"), "many")
+    write_page(folder / "page.html", fill_survey_page(data, parts))
     return folder / "page.html"
 
 

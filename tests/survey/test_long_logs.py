@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from survey_logs import QUICK, write_log, write_long_log
 
+from infoplan.analyse.audit import detector, stored
 from infoplan.cli import main
 from infoplan.collapse import spacing_along
 from infoplan.detect import Evidence, gp_residual, local
@@ -40,7 +41,7 @@ def test_detectors_take_memory_by_the_sample(tmp_path):
         rng = np.random.default_rng(0)
         gp_residual(given, model, rng)  # compiled, and imported
         peaks[samples] = [
-            peak(partial(detector, given, model, rng)) for detector in (gp_residual, local)
+            peak(partial(judge, given, model, rng)) for judge in (gp_residual, local)
         ]  # fmt: skip
     for few, many in zip(peaks[750], peaks[3000], strict=True):
         assert many < 8 * few
@@ -109,6 +110,74 @@ def test_a_collapsed_survey_is_told_and_its_floor_counts_in_its_own_steps(tmp_pa
     header = capsys.readouterr().out.partition("RMSE")[0]
     assert "robot." not in header
     assert "pilot.samples" not in header
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["model=vecchia"],
+        ["detector=local", "model=gp", "batch=20"],
+        ["model=vecchia", "batch=20", "detector.scope=batch"],
+    ],
+)
+def test_of_a_long_log_the_audit_judges_a_part_again(tmp_path, capsys, monkeypatch, options):
+    log, results = write_log(tmp_path / "bay.csv"), tmp_path / "results"
+    assert main(["survey", str(log), f"results_dir={results}", *QUICK[1:], *options]) == 0
+    run = next((results / "runs").glob("*.yaml")).stem
+
+    def mission():
+        return stored.read_mission(results, run, 0, {}, None, detector.replay_detector)
+
+    whole = mission().judgements[-1]
+    monkeypatch.setattr(detector, "MOST_COMPARED", 50)
+    monkeypatch.setattr(detector, "CHOSEN", 12)
+    part = mission()
+    np.testing.assert_allclose(part.judgements[-1][0], whole[0], rtol=1e-6)
+    assert part.judgements[-1][1].tolist() == whole[1].tolist()
+    # Whose numbers are forged is found if flagged, and one in so many of the others.
+    chosen = detector._chosen(part)
+    flagged = part.samples["flagged"].to_numpy()
+    judged = np.isfinite(part.samples["score"].to_numpy())
+    assert chosen.sum() == flagged.sum() + 12
+    for sample, found in (
+        (np.flatnonzero(flagged)[0], True),
+        (np.flatnonzero(chosen & ~flagged)[3], True),
+        (np.flatnonzero(judged & ~chosen)[3], False),
+    ):
+        forged = mission()
+        forged.samples.loc[sample, "score"] += 0.01
+        if found:
+            with pytest.raises(stored.FaultError, match=f"sample {sample} .* has the score"):
+                detector.check_scores(forged)
+        else:
+            assert detector.check_scores(forged).omitted
+    forged = mission()
+    forged.samples.loc[int(np.flatnonzero(judged & ~flagged)[5]), "flagged"] = True
+    with pytest.raises(stored.FaultError, match="is flagged, wrongly"):
+        detector.check_flags(forged)
+    capsys.readouterr()
+    assert main(["audit", run, f"results_dir={results}"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    n, left = judged.sum(), judged.sum() - chosen.sum()
+    assert f"{n - left} scores agree: of all flagged samples, and others drawn by the seed" in told
+    assert f"not recomputed: the scores of {left} of {n} samples" in told
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["model=gp"], "the model compares 80 samples with each other, 50 are repeated"),
+        (["model=vecchia", "batch=20"], "the neighbours depend on the flags of earlier epochs"),
+    ],
+)
+def test_what_the_audit_of_a_long_log_passes_over_is_said(
+    tmp_path, capsys, monkeypatch, options, sentence
+):
+    monkeypatch.setattr(detector, "MOST_COMPARED", 50)
+    log, there = write_log(tmp_path / "bay.csv"), f"results_dir={tmp_path / 'results'}"
+    assert main(["survey", str(log), there, *QUICK[1:], *options]) == 0
+    assert main(["audit", there]) == 0
+    assert sentence in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.long

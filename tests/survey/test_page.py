@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
-from survey_logs import HOSTILE, QUICK, SPIKES, write_hostile_log, write_log
+from survey_logs import HOSTILE, QUICK, SPIKES, first_log, second_log, write_hostile_log, write_log
 
 from infoplan.analyse import verdicts
 from infoplan.cli import main
@@ -79,8 +79,14 @@ def test_samples_verdicts_and_layers_are_those_of_the_tables(done):
     for layer, column in zip(data["layers"], ("mean", "std", "outlier_density"), strict=True):
         values = unpacked(layer["values"], "<f4")
         assert values == pytest.approx(maps[column].to_numpy(), rel=1e-6)
-        assert layer["low"] == pytest.approx(maps[column].min())
-        assert layer["high"] == pytest.approx(maps[column].max())
+        assert layer["range"] == pytest.approx([maps[column].min(), maps[column].max()])
+    # Colours are those of what was measured and kept, not of what the model makes of far places.
+    kept = samples["measured"][~samples["flagged"]]
+    ends = [(layer["low"], layer["high"]) for layer in data["layers"]]
+    most = min(maps["std"].max(), kept.std(ddof=0))
+    assert ends[0] == (kept.min(), kept.max())
+    assert ends[1] == pytest.approx((maps["std"].min(), most))
+    assert ends[2] == pytest.approx((0, maps["outlier_density"].max()), abs=1e-6)
     assert data["value"] == "Depth"
     assert data["unit"] == "ft"
 
@@ -205,6 +211,19 @@ def test_what_takes_long_is_left_out_and_said(tmp_path, monkeypatch):
     flagged = unpacked(detectors["local"]["flagged"], "u1").astype(bool)
     expected = unpacked(detectors["local"]["expected"], "<f4")
     assert np.isfinite(expected).tolist() == flagged.tolist()
+
+
+def test_what_later_logs_say_is_that_of_the_origins(tmp_path):
+    logs = [str(first_log(tmp_path / "may.csv")), str(second_log(tmp_path / "june.csv"))]
+    assert main(["survey", *logs, f"results_dir={tmp_path / 'r'}", *QUICK, "detector=local"]) == 0
+    (page,) = (tmp_path / "r" / "surveys").glob("*/page.html")
+    data, origins = data_of(page), pd.read_parquet(tmp_path / "r" / "origins")
+    told = [data["later_words"][code] for code in unpacked(data["samples"]["later"], "u1")]
+    assert told == origins["verdict"].fillna("").astype(str).tolist()
+    assert {"confirmed", "cleared", "untested"} <= set(told)
+    assert "Flags of each log when it was the last" in page.read_text()
+    picture = pd.read_csv(page.with_name("picture.csv"))
+    assert picture["log"].value_counts().to_dict() == {"may": 100, "june": 42}
 
 
 def test_of_several_logs_each_sample_tells_its_own(tmp_path):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from survey_logs import QUICK
+from survey_logs import FOOT, LONELY, QUICK, ROCK, SPIKE, first_log, second_log, write
 
 from infoplan.analyse.audit.detector import replay_detector
 from infoplan.analyse.audit.logs import check_later_logs
@@ -16,39 +16,6 @@ from infoplan.later_logs import Origins, verdicts
 from infoplan.samples import Samples
 from infoplan.study.surveys import batches
 from infoplan.survey import read_logs
-
-FOOT = 0.3048
-SPIKE, ROCK, LONELY = 10, 50, 90
-"""Rows of the first log: a spike and a rock that the second passes, a spike that it does not."""
-
-
-def floor(x, y):
-    return 9 + 0.03 * x + 0.02 * y
-
-
-def write(path, columns):
-    pd.DataFrame(columns).to_csv(path, index=False)
-    return path
-
-
-def first_log(path, start=1.7e9):
-    rng = np.random.default_rng(2)
-    x, y = np.tile(1.5 * np.arange(20.0), 5), np.repeat(6.0 * np.arange(5), 20)
-    depth = floor(x, y) + rng.normal(0, 0.05, 100)
-    depth[[SPIKE, ROCK, LONELY]] += [5, 3, 5]
-    return write(path, {"time": start + np.arange(100), "x": x, "y": y, "depth (m)": depth})
-
-
-def second_log(path, start=1.7e9 + 86400):
-    """Along the first leg and about the rock, in feet, under other names."""
-    rng = np.random.default_rng(3)
-    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    x = np.concatenate([np.arange(30.0), 15 + 0.6 * np.cos(turn)])
-    y = np.concatenate([np.full(30, 1.0), 12 + 0.6 * np.sin(turn)])
-    depth = floor(x, y) + rng.normal(0, 0.05, 42)
-    depth[30:] += 3
-    columns = {"Northing": y, "Easting": x, "Sounding depth (ft)": depth / FOOT}
-    return write(path, {**columns, "timestamp": start + np.arange(42)})
 
 
 def table(folder, name, run):

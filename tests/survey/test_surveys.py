@@ -12,8 +12,10 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from survey_logs import QUICK, SPIKES, write_log
 
+from infoplan.analyse.detector_check import check_detectors
 from infoplan.cli import main
-from infoplan.study.surveys import headings
+from infoplan.study.surveys import headings, survey_config, survey_samples
+from infoplan.survey import read_logs
 
 pyproj = pytest.importorskip("pyproj")
 
@@ -70,6 +72,9 @@ def test_the_same_survey_is_kept_and_another_log_or_option_is_another_run(done, 
     folder, _ = done
     assert survey(folder, folder / "bay.csv", *QUICK) == ""
     assert "1 of 1 missions are there already" in capsys.readouterr().out
+    columns = "columns={value: Depth (ft), time: time, lon: Longitude, lat: Latitude}"
+    assert survey(folder, folder / "bay.csv", *QUICK, columns) == ""
+    assert "WARNING" not in capsys.readouterr().out, "the columns that are found anyway"
     changed = tmp_path / "bay.csv"
     changed.write_bytes((folder / "bay.csv").read_bytes() + b"# one byte more\n")
     assert survey(folder, changed, *QUICK).startswith("survey-bay-")
@@ -273,3 +278,17 @@ def test_the_sounder_out_of_the_water_is_flagged(tmp_path, capsys):
     last = table(tmp_path, "stretches", run).query("epoch == 1")
     weights = last["samples"] / last["samples"].sum()
     assert (weights * last["rmse"] ** 2).sum() <= (weights * last["rmse_unfiltered"] ** 2).sum()
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not BOAT.is_dir(), reason="needs the boat's logs, which are not ours")
+@pytest.mark.parametrize("name", ["Jul-26-2022", "Aug-24-2022", "Feb-09-2023", "Feb-15-2023"])
+def test_of_each_log_the_best_detector_leaves_predictions_no_worse(name):
+    log = read_logs([BOAT / f"{name}.csv"], None, None, None)
+    config = survey_config(log, None)
+    checked = check_detectors(survey_samples(log, config), config, 0.05)
+    best = min(checked.values(), key=lambda one: one.gain.mean)
+    assert best.gain.mean <= 0
+    # Where leaving out flags makes it worse, it is within what stretches differ by.
+    assert all(one.gain.low <= 0 for one in checked.values())
+    assert checked["qartod"].found == checked["qartod"].planted

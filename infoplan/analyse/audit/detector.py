@@ -36,7 +36,10 @@ REPEATED = ("none", "best", "copod", "local", "hampel", "qartod", "gp_residual")
 """Detectors that `_judge` knows, those of PyOD besides."""
 
 COMPARING, MOST_COMPARED = ("gp_residual", "local"), 5000
-"""Detectors that are repeated pair by pair, and up to how many samples."""
+"""Detectors that are repeated pair by pair, and up to how many samples all of them are."""
+
+CHOSEN, MOST_FLAGGED = 500, 2000
+"""Of more, so many that are not flagged are judged again, and all flagged ones, up to so many."""
 
 LARGEST_FILTER = 1e10
 """Multiplications for smoothing the outlier matrix above which it is not repeated."""
@@ -58,6 +61,8 @@ def replay_detector(mission: StoredMission) -> list[tuple[Floats, Booleans] | No
     """
     if _unrepeatable(mission):
         return _stored_judgements(mission)
+    if _is_long(mission):
+        return _judged_in_part(mission)
     historical = mission.option("detector.scope") == "historical"
     scores, flags = _judge_pilot(mission)
     judgements: list[tuple[Floats, Booleans] | None] = [(scores, flags)]
@@ -94,11 +99,75 @@ def _unrepeatable(mission: StoredMission) -> str:
         return "the detector asks the model, which is the user's own"
     if name == "gp_residual" and mission.option("detector.judge_pilot"):
         return "the detector asked a model of the whole pilot, which no table holds"
-    if name in COMPARING and (n := len(mission.samples)) > MOST_COMPARED:
-        return f"the detector compares {n} samples with each other, {MOST_COMPARED} are repeated"
+    if _is_long(mission):
+        n, flagged = len(mission.samples), int(mission.samples["flagged"].sum())
+        if flagged > MOST_FLAGGED:
+            return f"{flagged} samples are flagged, and up to {MOST_FLAGGED} are judged again"
+        if name == "gp_residual" and mission.option("model.name") != "vecchia":
+            return f"the model compares {n} samples with each other, {MOST_COMPARED} are repeated"
+        if mission.option("detector.judge_pilot"):
+            return f"a pilot that was judged is repeated with up to {MOST_COMPARED} samples"
+        historical = mission.option("detector.scope") == "historical"
+        if name == "gp_residual" and historical and len(mission.curves) > 2:
+            return "the neighbours depend on the flags of earlier epochs, which are not stored"
     if name.startswith("pyod_") and not _is_tame(mission):
         return "the detector of PyOD might load or fetch something, or take for ever"
     return ""
+
+
+def _is_long(mission: StoredMission) -> bool:
+    """Tell whether a detector compares so many samples that a part of them is judged again."""
+    compares = mission.option("detector.name") in COMPARING
+    return compares and len(mission.samples) > MOST_COMPARED
+
+
+def _chosen(mission: StoredMission) -> Booleans:
+    """Choose whom to judge again, shape (n,): all that are flagged, and some others by the seed."""
+    flagged = mission.samples["flagged"].to_numpy(dtype=bool) & mission.told
+    judged = mission.told & ((mission.epoch > 0) | _is_historical(mission))
+    others = np.flatnonzero(judged & ~flagged)
+    rng = np.random.default_rng(mission.seed)
+    chosen = flagged.copy()
+    chosen[rng.choice(others, min(CHOSEN, len(others)), replace=False)] = True
+    return chosen
+
+
+def _is_historical(mission: StoredMission) -> bool:
+    return bool(mission.option("detector.scope") == "historical")
+
+
+def _judged_in_part(mission: StoredMission) -> list[tuple[Floats, Booleans] | None]:
+    """Judge those of `_chosen` again, given all others as the table has them.
+
+    A score follows from the samples around and from what was dropped before, which is flagged:
+    so that those that are chosen are judged as they would be among all.
+    """
+    judgements, chosen = _stored_judgements(mission), _chosen(mission)
+    has_neighbours = mission.option("model.name") == "vecchia"
+    taught = neighbourhoods(mission, judgements) if has_neighbours else repeat_forever(None)
+    stored = mission.samples["flagged"].to_numpy(dtype=bool)
+    scores, flags = mission.samples["score"].to_numpy(copy=True), stored.copy()
+    for e in range(1, len(mission.curves)):
+        neighbourhood = next(taught)
+        if judgements[e] is None:
+            continue
+        n = int(np.sum(mission.epoch <= e))
+        asked = chosen[:n] & ((mission.epoch[:n] == e) | _is_historical(mission))
+        candidates = ~stored[:n] | (mission.epoch[:n] == e) | _is_historical(mission)
+        held = np.flatnonzero(~stored & (mission.epoch < e))
+        if _is_historical(mission):  # then there is one epoch, before which nothing was flagged
+            held = np.flatnonzero(mission.told & (mission.epoch < e))
+        found = _judge_told(mission, e, candidates, asked, held, neighbourhood)
+        scores[:n][asked], flags[:n][asked] = found[0][asked], found[1][asked]
+        judgements[e] = scores[:n].copy(), flags[:n].copy()
+    return judgements
+
+
+def _left_out(mission: StoredMission) -> int:
+    """Count the samples with a verdict that are not judged again."""
+    if not _is_long(mission) or _unrepeatable(mission):
+        return 0
+    return int(np.isfinite(mission.samples["score"]).sum()) - int(_chosen(mission).sum())
 
 
 def _is_tame(mission: StoredMission) -> bool:
@@ -286,10 +355,14 @@ def check_scores(mission: StoredMission) -> str | Partial:
         np.isclose(found, expected, rtol=allowed, atol=allowed, equal_nan=True),
         lambda i: f"{mission.place(i)} has the score {found[i]:.6g}, not {expected[i]:.6g}",
     )
-    return f"{np.isfinite(expected).sum()} scores agree"
+    count = int(np.isfinite(expected).sum())
+    if left := _left_out(mission):
+        told = f"{count - left} scores agree: of all flagged samples, and others drawn by the seed"
+        return Partial(told, f"the scores of {left} of {count} samples")
+    return f"{count} scores agree"
 
 
-def check_flags(mission: StoredMission) -> str:
+def check_flags(mission: StoredMission) -> str | Partial:
     """Check that the flags are the detector's, and what is not flagged is used."""
     judgement = mission.judgements[-1]
     assert judgement is not None
@@ -303,7 +376,10 @@ def check_flags(mission: StoredMission) -> str:
         used != flagged,
         lambda i: f"{mission.place(i)} is {'both' if used[i] else 'neither'} flagged and used",
     )
-    return f"{flagged.sum()} of {len(flagged)} samples are flagged"
+    told = f"{flagged.sum()} of {len(flagged)} samples are flagged"
+    if left := _left_out(mission):
+        return Partial(told, f"the flags of {left} samples")
+    return told
 
 
 def check_confusion(mission: StoredMission) -> str | Partial:

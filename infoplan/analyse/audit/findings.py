@@ -59,6 +59,7 @@ from infoplan.errors import UsageError
 from infoplan.study.run_names import choose_run
 from infoplan.study.store import list_missions
 from infoplan.text_options import as_command
+from infoplan.threads import one_thread
 from infoplan.wording import harmless
 
 CHECKS: dict[str, Callable[[StoredMission], str | Partial]] = {
@@ -239,7 +240,7 @@ def audit_mission(
                 continue
             if name in NEVER_SPIKES and mission.option("fault.name") == SPIKE:
                 continue
-            with np.errstate(all="ignore"):  # a check that fails says so itself
+            with one_thread(), np.errstate(all="ignore"):  # a check that fails says so itself
                 told = _without_truth(mission, name) or check(mission)
             detail, omitted = (told, "") if isinstance(told, str) else (told.detail, told.omitted)
         except FaultError as fault:

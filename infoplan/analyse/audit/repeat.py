@@ -48,11 +48,11 @@ def local_scores(
     """
     scores = np.full(len(measured), np.nan)
     smallest = np.finfo(float).eps * np.abs(measured).max()
+    among = np.flatnonzero(candidates)
     for i in np.flatnonzero(judged):
-        others = [j for j in np.flatnonzero(candidates) if j != i]
+        others = among[among != i]
         squares = np.sum((x[others] - x[i]) ** 2, axis=1)
-        nearest = sorted(zip(squares.tolist(), others, strict=True))[:neighbours]
-        near = measured[[j for _, j in nearest]]
+        near = measured[others[np.argsort(squares, kind="stable")[:neighbours]]]
         spread = 1.4826 * stats.median_abs_deviation(near)
         scores[i] = abs(measured[i] - np.median(near)) / max(spread, smallest)
     return scores
