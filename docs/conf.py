@@ -5,7 +5,6 @@ from importlib import import_module
 
 import infoplan
 
-
 project = "infoplan"
 version = release = infoplan.__version__
 
