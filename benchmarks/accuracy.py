@@ -1,9 +1,9 @@
 """How near the process of nearest neighbours comes to the exact one, on stored missions.
 
-``python -m benchmarks.accuracy RESULTS [PART]`` takes the final hyperparameters and samples of one
-mission of each method that was flown with ``model=gp``, prints a table in Markdown, and draws
-``docs/vecchia.png``. Of a folder with several shares of outliers PART, ``-rho0.1-batch-`` say, chooses
-by the runs' names.
+``python -m benchmarks.accuracy RESULTS [PART]`` takes the final hyperparameters and samples of
+one mission of each method that was flown with ``model=gp``, prints a table in Markdown, and draws
+``docs/vecchia.png``. Where there are several shares of outliers PART chooses by the runs' names,
+``-rho0.1-batch-`` say.
 """
 
 import sys

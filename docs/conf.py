@@ -53,6 +53,12 @@ def reference(text: str) -> str:
     return "".join(parts)
 
 
+def whole(text: str) -> str:
+    """Leave the link to a file out of a page that holds that file."""
+    head, _, rest = text.partition("\n")
+    return f"{head}\n\n```{rest.partition('```')[2]}"
+
+
 def _directive(module, name: str, told: set) -> str:
     """Write the directive of a name; what two modules offer is in the index once."""
     one = getattr(module, name)
@@ -64,8 +70,9 @@ def _directive(module, name: str, told: set) -> str:
 
 
 def _read(app, page: str, source: list[str]) -> None:
-    """Complete two pages while they are read; in a repository browser they stand as they are."""
-    change = {"index": navigation, "reference": reference}.get(page)
+    """Complete pages while they are read; in a repository browser they stand as they are."""
+    changes = {"index": navigation, "reference": reference}
+    change = (changes | {"changelog": whole, "contributing": whole}).get(page)
     if change:
         source[0] = change(source[0])
 

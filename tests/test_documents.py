@@ -42,6 +42,7 @@ SLOW = f"{SPREAD}|mtsthelens_after|=mp4"
 """What needs a download or ffmpeg is left to the tests of these."""
 COMMANDS = [line for line in LINES if line.startswith("infoplan ") and not re.search(SLOW, line)]
 CLUSTERS = [line for line in LINES if re.search(SPREAD, line)]
+HERE = [line for line in CLUSTERS if not re.search("scheduler=|slurm", line)]
 SMALL = {
     "terrain": "volcano",
     "budget": "130",
@@ -124,9 +125,7 @@ def test_a_command_for_a_cluster_is_understood(command, study, monkeypatch, capf
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "command", [line for line in CLUSTERS if "local" in line or "//" not in line]
-)
+@pytest.mark.parametrize("command", HERE)
 def test_a_command_for_this_machine_as_a_cluster(command, study, tmp_path):
     pytest.importorskip("distributed")
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
