@@ -6,7 +6,6 @@ import shlex
 import pytest
 from command import SMALL, infoplan
 
-from infoplan.cli import main
 from infoplan.hydra_front.trials import Score, best_trial
 
 SEARCH = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=3", "hydra.sweeper.n_jobs=1"]
@@ -44,13 +43,13 @@ def test_a_search_names_its_best_trial(launcher, tmp_path):
         assert list(folder.rglob("*_log.out"))
 
 
-def test_a_machine_without_slurm_is_told(tmp_path, monkeypatch, capsys):
+def test_a_machine_without_slurm_is_told(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
     words = [*SMALL, "rho=0.1,0.2", "backend=sequential", "hydra/launcher=submitit_slurm"]
-    assert main(["run", "-m", *words]) == 2
-    said = " ".join(capsys.readouterr().err.split())
+    path = {"PATH": str(tmp_path)}  # no srun, wherever this runs
+    done = infoplan("run", "-m", *words, cwd=tmp_path, env=path, check=False)
+    assert done.returncode == 2
+    said = " ".join(done.stderr.split())
     assert "hydra/launcher=submitit_slurm finds no Slurm on this machine" in said
     assert "hydra/launcher=submitit_local" in said
 
