@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser coverage bench check derived faults kernels outliers planners clean
+.PHONY: help run figures test test-long test-browser coverage bench check docs derived pictures paper \
+  detectors faults growth kernels loop maps models outliers planners survey clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -37,23 +38,53 @@ check: $(VENV)/.installed-dev ## set up and run the linter, the type checker and
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+docs: $(VENV)/.installed-docs ## build the site of docs/ into docs/_build/html; it fetches nothing
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
+	@echo docs/_build/html/index.html
+
 derived: $(VENV)/.installed ## write conf/ and the tables in docs/ again, from the code that defines them
 	$(BIN)/python scripts/derive.py
 
-planners: $(VENV)/.installed-dev ## draw the picture of docs/planners.md again
-	$(BIN)/python scripts/draw_planners.py
+pictures: detectors faults kernels loop maps models outliers planners survey paper growth ## draw all pictures of docs/ again
+
+paper: figures ## draw what docs/ shows of the paper's study: Fig. 5, an animation, the errors of vecchia
+	cp results/figures/fig5.png docs/fig5.png
+	$(BIN)/infoplan animate puct-copod-helens-rho0.1-batch seed=0
+	cp results/figures/puct-copod-helens-rho0.1-batch-*-seed0.gif docs/puct-copod-helens.gif
+	$(BIN)/python -m benchmarks.accuracy results -rho0.1-batch-
+
+growth: bench ## draw what docs/ shows of make bench
+	$(BIN)/python -m benchmarks.growth_picture
+
+detectors: $(VENV)/.installed ## draw the picture of docs/detectors.md again
+	$(BIN)/python scripts/draw_detectors.py
 
 faults: $(VENV)/.installed ## draw the pictures of docs/faults.md again
 	$(BIN)/python scripts/draw_faults.py
 
-outliers: $(VENV)/.installed ## draw docs/outliers.md again (RESULTS=folder: from another run of experiment=outliers)
-	$(BIN)/python scripts/draw_outliers.py $(RESULTS)
-
 kernels: $(VENV)/.installed ## draw the picture of docs/kernels.md again
 	$(BIN)/python scripts/draw_kernels.py
 
+loop: $(VENV)/.installed ## draw the picture of how the parts go together again
+	$(BIN)/python scripts/draw_loop.py
+
+maps: $(VENV)/.installed ## draw the picture of docs/maps.md again
+	$(BIN)/python scripts/draw_maps.py
+
+models: $(VENV)/.installed ## draw the picture of docs/models.md again
+	$(BIN)/python scripts/draw_models.py
+
+outliers: $(VENV)/.installed ## draw docs/outliers.md again (RESULTS=folder: from another run of experiment=outliers)
+	$(BIN)/python scripts/draw_outliers.py $(RESULTS)
+
+planners: $(VENV)/.installed-dev ## draw the picture of docs/planners.md again
+	$(BIN)/python scripts/draw_planners.py
+
+survey: $(VENV)/.installed-dev ## draw the picture of docs/after_a_survey.md again
+	$(BIN)/python scripts/draw_survey.py
+
 clean: ## remove the virtual environment and all caches; results stay
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage*
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage* docs/_build
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
@@ -70,4 +101,8 @@ $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	touch $@ $(VENV)/.installed

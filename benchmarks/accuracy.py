@@ -1,8 +1,9 @@
 """How near the process of nearest neighbours comes to the exact one, on stored missions.
 
-``python -m benchmarks.accuracy RESULTS`` takes the final hyperparameters and samples of one
-mission of each method that was flown with ``model=gp``, prints a table in Markdown, and draws
-``docs/vecchia.png``.
+``python -m benchmarks.accuracy RESULTS [PART]`` takes the final hyperparameters and samples of
+one mission of each method that was flown with ``model=gp``, prints a table in Markdown, and draws
+``docs/vecchia.png``. Where there are several shares of outliers PART chooses by the runs' names,
+``-rho0.1-batch-`` say.
 """
 
 import sys
@@ -147,11 +148,11 @@ def draw(errors: list[Errors]) -> None:
         figure.savefig(FIGURE, dpi=160)
 
 
-def main(results: str) -> None:
+def main(results: str, part: str = "-batch-") -> None:
     """Compare, print, and draw."""
     folder, errors = Path(results), []
     for run in sorted(path.name.removeprefix("run=") for path in (folder / "curves").iterdir()):
-        if "-vecchia-" not in run and "-batch-" in run:
+        if "-vecchia-" not in run and part in run:
             with one_thread():
                 errors += list(compare(folder, run, 0))
     print(table(errors))
@@ -159,4 +160,4 @@ def main(results: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

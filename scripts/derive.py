@@ -9,6 +9,7 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,13 @@ WIDTH = 100
 OPTIONS_OF = re.compile(
     r"(<!-- options of (\w+)=(\w+): make derived -->\n).*?(<!-- end -->)", re.DOTALL
 )
+CHOICES_OF = re.compile(r"(<!-- choices of (\w+): make derived -->\n).*?(<!-- end -->)", re.DOTALL)
+PUBLIC_NAMES = re.compile(r"(<!-- public names: make derived -->\n).*?(<!-- end -->)", re.DOTALL)
+PUBLIC = ("infoplan", "infoplan.analyse", "infoplan.plan", "infoplan.detect", "infoplan.model",
+          "infoplan.fault", "infoplan.terrain")  # fmt: skip
+"""What users may import, and what is documented for it."""
+TOLD_WITH = {"model": "gp", "detector": "none"}
+"""The options of these choices are those of others of their group, and are not told with each."""
 KERNELS_TABLE = re.compile(r"(<!-- kernels: make derived -->\n).*?(<!-- end -->)", re.DOTALL)
 MARKS = ("<!-- columns: make derived -->", "<!-- end of the columns -->")
 
@@ -47,11 +55,12 @@ def derived() -> Iterator[tuple[Path, str]]:
     page = ROOT / "docs" / "results.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
-    for name in ("faults.md", "planners.md", "robust_models.md"):
-        page = ROOT / "docs" / name
-        yield page, OPTIONS_OF.sub(_options_table, page.read_text(encoding="utf-8"))
-    page = ROOT / "docs" / "kernels.md"
-    yield page, KERNELS_TABLE.sub(_kernels_table, page.read_text(encoding="utf-8"))
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        for pattern, table in TABLES_OF_PAGES.items():
+            text = pattern.sub(table, text)
+        if any(pattern.search(text) for pattern in TABLES_OF_PAGES):
+            yield page, text
 
 
 def _sweep(path: Path) -> str:
@@ -68,17 +77,64 @@ def _sweep(path: Path) -> str:
 
 
 def _options_table(found: re.Match[str]) -> str:
-    """Write the options of a choice as the table of a page; of a model those that gp has not."""
+    """Write the options of a choice as the table of a page."""
     begin, group, choice, end = found.groups()
-    schema = METHODS[group][choice]
-    told = {item.name for item in fields(METHODS["model"]["gp"])} if group == "model" else {"name"}
     text = "| option | default | what it is |\n|---|---|---|\n"
-    for item in fields(schema):
-        if item.name not in told:
-            metadata = {"type": item.type, **item.metadata}
-            doc = f"{metadata['doc']}: {allowed_values(metadata)}"
-            text += f"| `{group}.{item.name}` | `{_value(getattr(schema, item.name))}` | {doc} |\n"
+    for item in _own_options(group, choice):
+        metadata = {"type": item.type, **item.metadata}
+        doc = f"{metadata['doc']}: {allowed_values(metadata)}"
+        value = _value(getattr(METHODS[group][choice], item.name))
+        text += f"| `{group}.{item.name}` | `{value}` | {doc} |\n"
     return f"{begin}\n{text}\n{end}"
+
+
+def _own_options(group: str, choice: str) -> list[Any]:
+    """Options of a choice but for those that `TOLD_WITH` tells."""
+    shown_with = TOLD_WITH.get(group, choice)
+    told = {"name"}
+    if shown_with != choice:
+        told = {item.name for item in fields(METHODS[group][shown_with])}
+    return [item for item in fields(METHODS[group][choice]) if item.name not in told]
+
+
+def _choices_table(found: re.Match[str]) -> str:
+    """Write the choices of a group, what each is by its YAML file, and its options, as a table."""
+    begin, group, end = found.groups()
+    text = f"| `{group}=` | what it is | options of its own |\n|---|---|---|\n"
+    for choice, schema in GROUPS[group].items():
+        path = ROOT / "conf" / group / f"{choice}.yaml"
+        said = re.sub(
+            r"(\w+=\S.*)$", r"`\1`", _head(path, group, choice, schema).split("\n")[0][2:]
+        )
+        of_all = {item.name for item in fields(type(schema).__mro__[-2])}
+        of_all |= {item.name for item in fields(GROUPS[group][TOLD_WITH.get(group, choice)])
+                   if TOLD_WITH.get(group, choice) != choice}  # fmt: skip
+        own = [f"`{item.name}`" for item in fields(schema) if item.name not in of_all]
+        text += f"| `{choice}` | {said.rstrip('.')} | {', '.join(own)} |\n"
+    return f"{begin}\n{text}\n{end}"
+
+
+def public_names(home: str) -> list[str]:
+    """Name the classes and functions that a module offers, its tables and aliases left out."""
+    module = import_module(home)
+    offered = {name: getattr(module, name) for name in module.__all__}
+    return [name for name, one in offered.items() if _is_of_infoplan(one)]
+
+
+def _is_of_infoplan(one: Any) -> bool:
+    return str(getattr(one, "__module__", "")).startswith("infoplan")
+
+
+def _public_names(found: re.Match[str]) -> str:
+    """Write what may be imported, and the first sentence of its docstring, a table a module."""
+    begin, end = found.groups()
+    text = ""
+    for home in PUBLIC:
+        text += f"\n## `{home}`\n\n| name | what it is |\n|---|---|\n"
+        for name in public_names(home):
+            said = str(getattr(import_module(home), name).__doc__).partition("\n")[0].rstrip(".")
+            text += f"| `{name}` | {said} |\n"
+    return f"{begin}{text}\n{end}"
 
 
 def _kernels_table(found: re.Match[str]) -> str:
@@ -91,6 +147,15 @@ def _kernels_table(found: re.Match[str]) -> str:
         learned = ", ".join(f"`{one.name}`" for one in kernel.hyperparameters)
         text += f"| `{name}` | {said} | {learned} |\n"
     return f"{begin}\n{text}\n{end}"
+
+
+TABLES_OF_PAGES = {
+    OPTIONS_OF: _options_table,
+    CHOICES_OF: _choices_table,
+    KERNELS_TABLE: _kernels_table,
+    PUBLIC_NAMES: _public_names,
+}
+"""Marks in the pages, and what is written between them and the next end."""
 
 
 def _head(path: Path, group: str, choice: str, schema: Any) -> str:

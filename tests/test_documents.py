@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -25,19 +26,23 @@ BLOCKS = [
     (page.name, kind, text)
     for page in PAGES
     for kind, text in re.findall(
-        r"```(console|python)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL
+        r"```(console|python|bash)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL
     )
 ]
 PYTHON = {text: page for page, kind, text in BLOCKS if kind == "python"}
-COMMANDS = [
-    line.partition("#")[0].strip()
+LINES = [
+    line.partition(" #")[0].strip()
     for _, kind, text in BLOCKS
-    if kind == "console"
+    if kind != "python"
     for line in text.replace("\\\n", " ").splitlines()
-    if line.startswith("infoplan ")
+    if line and not line.startswith("#")
 ]
-COMMANDS = [line for line in COMMANDS if not re.search("scheduler=|mtsthelens_after|=mp4", line)]
-"""Those that need a cluster, a download or ffmpeg are left to the tests of these."""
+SPREAD = "backend=dask|hydra/launcher="
+SLOW = f"{SPREAD}|mtsthelens_after|=mp4"
+"""What needs a download or ffmpeg is left to the tests of these."""
+COMMANDS = [line for line in LINES if line.startswith("infoplan ") and not re.search(SLOW, line)]
+CLUSTERS = [line for line in LINES if re.search(SPREAD, line)]
+HERE = [line for line in CLUSTERS if not re.search("scheduler=|slurm", line)]
 SMALL = {
     "terrain": "volcano",
     "budget": "130",
@@ -92,12 +97,58 @@ def test_command(command, study, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(study)
     monkeypatch.setattr(sys, "path", list(sys.path))
     command = command.replace("<survey>", next((study / "surveys" / "runs").glob("survey-*")).stem)
-    words = small(command.replace("<run>", a_run(study)))
+    if "hydra/sweeper=optuna" in command:
+        pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")
+    words = small(command.replace("<run>", a_run(study)).replace("n_trials=20", "n_trials=2"))
     if words[0] in ("run", "replay") and "results_dir=surveys" not in words:
         # What it computes must not mix with the study that the other examples read.
         shutil.copytree(study / "results", tmp_path / "results")
         words.append(f"results_dir={tmp_path / 'results'}")
     assert main(words) == 0, capfd.readouterr()
+
+
+@pytest.mark.parametrize("command", CLUSTERS)
+def test_a_command_for_a_cluster_is_understood(command, study, monkeypatch, capfd):
+    """All but the launcher is composed as it stands; of a launcher of Hydra its options."""
+    monkeypatch.chdir(study)
+    if "hydra/launcher=submitit" in command:
+        pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
+        # What is shown is one configuration: of several values the first.
+        words = small(re.sub(r"=([\w.]+),[\w.,]+", r"=\1", command.replace(" -m ", " ")))
+        assert main([*words, "--cfg", "hydra"]) == 0, capfd.readouterr()
+        said = capfd.readouterr().out
+        for name, value in re.findall(r"hydra\.launcher\.(\w+)=(\w+)", command):
+            assert f"    {name}: {value}\n" in said
+    else:
+        pytest.importorskip("distributed")
+        assert main([*small(command), "--dry-run"]) == 0, capfd.readouterr()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", HERE)
+def test_a_command_for_this_machine_as_a_cluster(command, study, tmp_path):
+    pytest.importorskip("distributed")
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
+    done = infoplan(*small(command), f"results_dir={tmp_path}", cwd=study)
+    assert "failed" not in done.stdout
+    stored = list(tmp_path.rglob("curves/*/*.parquet"))
+    assert len(stored) == 2 * len(list(tmp_path.glob("runs/*"))) > 2
+
+
+@pytest.mark.parametrize("line", [line for line in LINES if line.startswith("dask ")])
+def test_a_command_of_dask_is_understood(line):
+    module = pytest.importorskip(f"distributed.cli.dask_{line.split()[1]}")
+    assert module.main.make_context("dask", line.split()[2:])
+
+
+@pytest.mark.parametrize("text", [text for _, kind, text in BLOCKS if kind == "bash"])
+def test_a_script_is_one(text):
+    subprocess.run(["bash", "-n"], input=text, text=True, check=True)
+
+
+def test_every_line_of_a_console_is_run():
+    left = [line for line in LINES if not line.startswith(("infoplan ", "dask ", "make "))]
+    assert left == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -116,11 +167,61 @@ def test_links(page):
             assert anchor in slugs, f"{page.name} links to {target}"
 
 
+def links_of(page: Path) -> set[Path]:
+    found = re.findall(r"""\]\(([^)#]+)|(?:src|href)="([^"#]+)""", page.read_text(encoding="utf-8"))
+    return {(page.parent / (one or other)).resolve() for one, other in found}
+
+
 def test_the_readme_is_short_and_leads_to_every_page():
-    text = PAGES[0].read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 200
-    pages = [page.relative_to(ROOT).as_posix() for page in PAGES[1:]]
-    assert [page for page in pages if f"({page})" not in text] == []
+    readme, *others = PAGES
+    assert len(readme.read_text(encoding="utf-8").splitlines()) <= 200
+    front = ROOT / "docs" / "index.md"
+    there = links_of(readme) | links_of(front)
+    assert [page.name for page in others if page not in there] == []
+
+
+@pytest.mark.parametrize("page", ["after_a_survey", "rerun_the_paper", "own_methods"])
+def test_what_newcomers_want_is_a_click_away(page):
+    """To clean a log, to rerun the paper, to add a detector."""
+    readme, front = PAGES[0], ROOT / "docs" / "index.md"
+    path = ROOT / "docs" / f"{page}.md"
+    assert path in links_of(readme) & links_of(front)
+
+
+def test_every_picture_of_the_readme_is_there():
+    found = links_of(PAGES[0])
+    pictures = {path for path in found if path.suffix in (".png", ".gif")}
+    assert len(pictures) > 4
+    assert [path for path in found if "://" not in str(path) and not path.exists()] == []
+
+
+def test_every_picture_is_drawn_by_a_target():
+    """`make pictures` calls those that name it, or run the script that does."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.search(r"^pictures: ([^#\n]+)", makefile, re.MULTILINE)[1].split()
+    drawn = ""
+    for target in targets:
+        recipe = re.search(rf"^{target}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1]
+        drawn += recipe
+        for script in re.findall(r"scripts/\w+\.py|benchmarks\.\w+", recipe):
+            file = script if script.endswith(".py") else script.replace(".", "/") + ".py"
+            drawn += (ROOT / file).read_text(encoding="utf-8")
+    pictures = [
+        path.relative_to(ROOT / "docs")
+        for kind in ("png", "gif", "svg")
+        for path in (ROOT / "docs").rglob(f"*.{kind}")
+        if "_build" not in path.parts
+    ]
+    assert len(pictures) > 15
+    names = {path.name if len(path.parts) == 1 else path.parts[0] for path in pictures}
+    assert [name for name in sorted(names) if name not in drawn] == []
+
+
+def test_every_picture_is_shown():
+    shown = set().union(*map(links_of, PAGES))
+    pictures = [p for kind in ("png", "gif") for p in (ROOT / "docs").rglob(f"*.{kind}")]
+    pictures = [path for path in pictures if "_build" not in path.parts]
+    assert [path.name for path in pictures if path not in shown] == []
 
 
 @pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.name)

@@ -22,7 +22,7 @@ def wanted() -> set[str]:
               ".ci/run", ".github/workflows/ci.yml"}  # fmt: skip
     for folder in ("infoplan", "conf", "tests", "benchmarks", "examples", "docs", "scripts"):
         for file in (ROOT / folder).rglob("*"):
-            if file.is_file() and file.suffix in DATA and "__pycache__" not in file.parts:
+            if file.suffix in DATA and not {"__pycache__", "_build"} & set(file.parts):
                 needed.add(file.relative_to(ROOT).as_posix())
     return needed
 

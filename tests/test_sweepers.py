@@ -43,6 +43,17 @@ def test_a_search_names_its_best_trial(launcher, tmp_path):
         assert list(folder.rglob("*_log.out"))
 
 
+def test_a_machine_without_slurm_is_told(tmp_path):
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
+    words = [*SMALL, "rho=0.1,0.2", "backend=sequential", "hydra/launcher=submitit_slurm"]
+    path = {"PATH": str(tmp_path)}  # no srun, wherever this runs
+    done = infoplan("run", "-m", *words, cwd=tmp_path, env=path, check=False)
+    assert done.returncode == 2
+    said = " ".join(done.stderr.split())
+    assert "hydra/launcher=submitit_slurm finds no Slurm on this machine" in said
+    assert "hydra/launcher=submitit_local" in said
+
+
 @pytest.mark.long
 def test_a_sweep_folder_is_made_and_a_failed_trial_told(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_optuna_sweeper")

@@ -17,9 +17,9 @@ def hampel(
 ) -> Judgement:
     """Flag samples far from the running median, by the spread around it (Hampel, 1974).
 
-    The score of a sample is |y - m| / s with m the median of the measurements from `reach` before
-    to `reach` after it, itself among them, and s = 1.4826 times their median absolute deviation
-    from m. At the ends of the track the window is cut.
+    The score of a sample is ``|y - m| / s`` with m the median of the measurements from `reach`
+    before to `reach` after it, itself among them, and s = 1.4826 times their median absolute
+    deviation from m. At the ends of the track the window is cut.
 
     Parameters
     ----------

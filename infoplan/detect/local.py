@@ -25,7 +25,7 @@ def local(
 ) -> Judgement:
     """Flag samples far from the median of their nearest neighbours, by the neighbours' spread.
 
-    The score of a sample is |y - m| / s with m the median of the measurements of its nearest
+    The score of a sample is ``|y - m| / s`` with m the median of the measurements of its nearest
     neighbours in the plane, itself not among them, and s = 1.4826 times their median absolute
     deviation from m: the modified z-score of Iglewicz and Hoaglin (1993), who suggest 3.5.
 

@@ -185,6 +185,10 @@ REFUSALS: dict[str, Callable[[re.Match[str]], str]] = {
     r"range\(\) arg 3 must not be zero|Invalid range values": lambda match: (
         "range(start,stop,step) needs a step other than 0"
     ),
+    r'Could not detect "srun"': lambda match: (
+        "hydra/launcher=submitit_slurm finds no Slurm on this machine: start it where srun is, or "
+        "give hydra/launcher=submitit_local"
+    ),
     r"Expecting one subcommand|No completion plugin": lambda match: (
         "--shell-completion wants install=bash, install=zsh or install=fish"
     ),
