@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
     from infoplan.command_line.settings import More
 
-FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration", "outliers")
+FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration", "outliers", "explain")
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 
@@ -368,7 +368,7 @@ def status(
 
 @command_on_runs(
     "figures",
-    help="Draw figures from stored results: the paper's, calibration, methods against faults.",
+    help="Draw figures from stored results: the paper's, calibration, faults, sources of error.",
     examples=["infoplan figures fig5 fig7 seed=1", "infoplan figures outliers rho=0.2"],
 )  # fmt: skip
 @setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
@@ -385,7 +385,15 @@ def figures(
 ) -> int:
     """Draw figures."""
     from infoplan.analyse.mission_scores import stored_faults
-    from infoplan.draw.figures import OF_STUDY, OUTLIERS, check_names, draw_figures, draw_outliers
+    from infoplan.draw.figures import (
+        EXPLAIN,
+        OF_STUDY,
+        OUTLIERS,
+        check_names,
+        draw_explain,
+        draw_figures,
+        draw_outliers,
+    )
 
     names = check_names(figure)
     problems: list[str] = []
@@ -400,6 +408,10 @@ def figures(
             heat_map, notes = draw_outliers(results_dir, chosen)
             problems += notes
             drawn.append(heat_map)
+    if EXPLAIN in names:
+        explanation = draw_explain(_study(results_dir, run, filters))
+        if figure or explanation.files:
+            drawn.append(explanation)
     for one in drawn:
         for path in one.files:
             print(path)

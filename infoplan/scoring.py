@@ -34,8 +34,8 @@ class CurveRow:
     Errors and scores compare the noise-free truth on the query grid with the model's latent mean
     and standard deviation, and are NaN where the terrain is unknown; hyperparameters are in scaled
     units, elevations in the terrain's. What the model has not (one of the user's) is NaN;
-    `collapsed` and `rate_limited` are then None. `further` holds, by name, what else the kernel has learned: a column
-    each.
+    `collapsed` and `rate_limited` are then None. `further` holds, by name, what else the kernel has
+    learned: a column each.
     """
 
     epoch: int

@@ -197,8 +197,9 @@ TABLES: dict[str, Table] = {
         Column(
             "rate_limited",
             "boolean",
-            "whether an iteration of the epoch moved a logarithm by half of Adam's learning rate or "
-            "more, on average; another optimiser, restarts or none: null",
+            "whether an iteration of the epoch moved a hyperparameter's logarithm by half of "
+            "Adam's learning rate or more, on average; of L-BFGS, restarts or no iteration, and of models "
+            "but gp, student_t and vecchia: null",
             gaps=True,
             since="0.2.0",
         ),

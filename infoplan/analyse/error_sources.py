@@ -189,9 +189,7 @@ def command_of_best(selection: Selection) -> str:
     return run_command(replace(selection, options={run: options}), "UCT-BEST", float(own["rho"]))
 
 
-def common_seeds(
-    results_dir: Path, run: str, best: str, seeds: Sequence[int] | None
-) -> list[int]:
+def common_seeds(results_dir: Path, run: str, best: str, seeds: Sequence[int] | None) -> list[int]:
     """List the seeds that a run and BEST both have, or of these the ones asked for.
 
     Raises
@@ -217,9 +215,7 @@ def has_refits(results_dir: Path, run: str, seed: int) -> bool:
     return inspect_derived(results_dir, "refits", run, seed).state == "done"
 
 
-def explained(
-    results_dir: Path, run: str, best: str, seeds: Sequence[int]
-) -> ErrorSources:
+def explained(results_dir: Path, run: str, best: str, seeds: Sequence[int]) -> ErrorSources:
     """Read where the errors of a run's missions come from; nothing is computed.
 
     Parameters
@@ -292,7 +288,7 @@ def stored_explanations(selection: Selection) -> list[ErrorSources]:
 
 
 def _configurations(results_dir: Path) -> dict[str, Options]:
-    """Configurations of the stored runs whose first curve can be read."""
+    """Read the configurations of the stored runs; one whose curve cannot be read is left out."""
     found = {}
     for run, seeds in list_missions(results_dir).items():
         with suppress(RunError):

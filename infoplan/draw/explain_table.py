@@ -74,9 +74,7 @@ def remarks(sources: ErrorSources) -> list[str]:
             for name in ("collapsed", "moving")}  # fmt: skip
     told += [collapse_sentence(ends["collapsed"]), moving_sentence(ends["moving"])]
     if wrong := int((~table["converged"]).sum()):
-        told.append(
-            f"the refits of {wrong} of {count} have not converged: their parts are rough"
-        )
+        told.append(f"the refits of {wrong} of {count} have not converged: their parts are rough")
     if len(table) < 2:
         told.append("one seed has no interval")
     return [sentence for sentence in told if sentence]

@@ -88,9 +88,7 @@ def refit_mission(results_dir: Path, run: Run, seed: int) -> pa.Table:
     )  # fmt: skip
 
 
-def chosen_samples(
-    told: Booleans, used: Booleans, outlier: Booleans
-) -> Mapping[str, Booleans]:
+def chosen_samples(told: Booleans, used: Booleans, outlier: Booleans) -> Mapping[str, Booleans]:
     """Tell which samples each of `DATA` is.
 
     Parameters

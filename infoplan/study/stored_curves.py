@@ -1,8 +1,8 @@
 """Learning curves of the missions of a study that are done, read back."""
 
 from collections.abc import Mapping
-from itertools import pairwise
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from infoplan.config import OwnModelConfig
 from infoplan.study.identity import Run
 from infoplan.study.store import read_footer, read_table, table_path
 from infoplan.study.study import Study
-
 
 HYPERPARAMETERS = ("amplitude", "lengthscale_1", "lengthscale_2", "noise_std")
 """Columns of the curve that hold hyperparameters, of whatever kernel."""
@@ -79,9 +78,7 @@ def ended_collapsed(results_dir: Path, run: str, seed: int, last: Mapping[Any, A
     return has_collapsed(lengthscales, places, spacing_of(config, places))
 
 
-def ended_moving(
-    results_dir: Path, run: str, seed: int, columns: Mapping[str, Any]
-) -> bool | None:
+def ended_moving(results_dir: Path, run: str, seed: int, columns: Mapping[str, Any]) -> bool | None:
     """Tell whether the hyperparameters of a stored mission were still on the way at its end.
 
     Parameters
@@ -106,11 +103,11 @@ def ended_moving(
     names = [name for name in HYPERPARAMETERS if not np.isnan(columns[name]).any()]
     rows = [dict(zip(names, row, strict=True))
             for row in np.column_stack([columns[name] for name in names])]  # fmt: skip
-    new = np.diff(columns["collected"]).tolist()
-    return was_moving([
-        is_rate_limited(*pair, count if model.iterations == "per_sample" else model.iterations, rate)
-        for pair, count in zip(pairwise(rows), new, strict=True)
-    ])  # fmt: skip
+    steps = np.diff(columns["collected"])
+    if model.iterations != "per_sample":
+        steps[:] = model.iterations
+    pairs = zip(pairwise(rows), steps.tolist(), strict=True)
+    return was_moving([is_rate_limited(*pair, count, rate) for pair, count in pairs])
 
 
 def final_rmse(study: Study) -> list[float]:
