@@ -198,8 +198,8 @@ TABLES: dict[str, Table] = {
             "rate_limited",
             "boolean",
             "whether an iteration of the epoch moved a hyperparameter's logarithm by half of "
-            "Adam's learning rate or more, on average; of L-BFGS, restarts or no iteration, and of models "
-            "but gp, student_t and vecchia: null",
+            "Adam's learning rate or more, on average; of L-BFGS, restarts or no iteration, and of "
+            "models but gp, student_t and vecchia: null",
             gaps=True,
             since="0.2.0",
         ),

@@ -425,7 +425,8 @@ def _sources(sources: Sequence[ErrorSources], selection: Selection) -> str:
         "would take away; spikes that the detector let through, and clean samples that it dropped, "
         "each with a refit; places, what is left with true labels on the mission's own path; and "
         "BEST itself, what a refit would add to BEST's own error. Means over seeds with 95 % t "
-        f"intervals; a stroke a seed, all on one scale, {as_html(_scale_words({selection.unit: scale}))}.</p>"
+        "intervals; a stroke a seed, all on one scale, "
+        f"{as_html(_scale_words({selection.unit: scale}))}.</p>"
         f'<div class="scroll" role="region" aria-label="Parts of the gap to BEST" tabindex="0">'
         f'<table><thead><tr><th scope="col">part</th><td></td><th scope="col" class="number">'
         f'RMSE ({unit})</th><th scope="col" class="number">share</th></tr></thead>'
