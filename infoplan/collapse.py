@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from infoplan.config import GuardedConfig, MissionConfig, ModelConfig, is_survey
+from infoplan.config import GpConfig, MissionConfig, ModelConfig, StudentTConfig, is_survey
 
 ROUNDING = 1e-9
 """Share of the distance by which a lengthscale at that very floor may lie below it."""
@@ -123,7 +123,9 @@ def rate_of(model: ModelConfig) -> float | None:
         None where nothing does: under L-BFGS or restarts, or in models that start anew in every
         epoch or are the user's own.
     """
-    if not isinstance(model, GuardedConfig) or model.optimizer != "adam" or model.restarts:
+    if not isinstance(model, GpConfig | StudentTConfig):
+        return None
+    if model.optimizer != "adam" or model.restarts:
         return None
     return model.learning_rate
 

@@ -136,11 +136,13 @@ def explain(
         How many missions could not.
     """
     from infoplan.analyse.error_sources import common_seeds, explained, find_best
-    from infoplan.study.refit import refit_study
+    from infoplan.study.refit import demand_refittable, refit_study
     from infoplan.study.replay import find_flown
 
     config = compose(overrides)
     flown = {source.name: source for source in (find_flown(results_dir, run) for run in runs)}
+    for source in flown.values():
+        demand_refittable(source)
     compared = {name: find_best(results_dir, name, best) for name in flown}
     chosen = {name: common_seeds(results_dir, name, of, seeds) for name, of in compared.items()}
     wanted: dict[str, dict[int, None]] = {}
