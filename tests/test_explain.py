@@ -83,7 +83,8 @@ def test_parts_add_up_to_the_gap():
 
 
 @pytest.mark.parametrize("data", ["used", "without_spikes", "with_lost", "clean"])
-def test_refits_are_at_the_optimum_that_scikit_learn_finds(explained, data, seed=0):
+def test_refits_are_at_the_optimum_that_scikit_learn_finds(explained, data):
+    seed = 0
     samples = table(explained, "samples", "puct-copod", seed)
     maps = table(explained, "maps", "puct-copod", seed)
     refit = table(explained, "refits", "puct-copod", seed).set_index("data").loc[data]

@@ -25,8 +25,8 @@ from infoplan.model.theta import (
 
 # How far restarts may lie from the first logarithms.
 _RESTART = float(np.log(10.0))
-# A refit climbs on every so manyth datum first.
-_THINNED = 3
+# A refit climbs on about so many of the data first.
+_THINNED = 600
 # Ends whose logarithms differ by less are the same.
 _SAME = 0.05
 # Nats by which two ends may differ and be one optimum, and the steepest slope at one.
@@ -253,8 +253,8 @@ class Regression:
         """Take the hyperparameters at the highest optimum of what `optimize` climbs.
 
         L-BFGS-B runs to its end from the present hyperparameters, from others, and from long
-        lengthscales (half the pilot's box, amplitude and noise 1): on every third datum first,
-        then on all from each end that differs. From middle ones, an eighth of the box, it runs on
+        lengthscales (half the pilot's box, amplitude and noise 1): on every so manyth datum first,
+        about 600, then on all from each end that differs. From middle ones, an eighth of the box, it runs on
         all data at once: thinned data may lead past an optimum there. The highest end counts.
 
         Parameters
@@ -266,8 +266,8 @@ class Regression:
         long, middle = (first_theta(self._kernel, 1.0, length, 1.0) for length in (1.0, 0.25))
         starts = [self._theta, *(theta_of(self._kernel, other) for other in others), long]
         x, y = self._scaler.inputs(self._x), self._scaler.outputs(self._y)
-        thinned = np.ascontiguousarray(x[:, ::_THINNED]), y[::_THINNED]
-        self._inference.set_data(*thinned)
+        step = max(1, round(y.size / _THINNED))
+        self._inference.set_data(np.ascontiguousarray(x[:, ::step]), y[::step])
         roughly = [maximise(self._value_and_gradient, start, self._bounds) for start in starts]
         self._inference.set_data(x, y)
         begun = [*roughly, middle]
