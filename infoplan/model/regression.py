@@ -254,8 +254,9 @@ class Regression:
 
         L-BFGS-B runs to its end from the present hyperparameters, from others, and from long
         lengthscales (half the pilot's box, amplitude and noise 1): on every so manyth datum first,
-        about 600, then on all from each end that differs. From middle ones, an eighth of the box, it runs on
-        all data at once: thinned data may lead past an optimum there. The highest end counts.
+        about 600, then on all from each end that differs. From middle ones, an eighth of the box,
+        it runs on all data at once: thinned data may lead past an optimum there. The highest end
+        counts.
 
         Parameters
         ----------
