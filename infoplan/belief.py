@@ -17,7 +17,7 @@ from infoplan.answers import (
     checked_verdict,
     number_of,
 )
-from infoplan.collapse import spacing_of
+from infoplan.collapse import is_rate_limited, rate_of, spacing_of
 from infoplan.config import GuardedConfig, MissionConfig
 from infoplan.detect import Evidence
 from infoplan.errors import RunError
@@ -81,6 +81,9 @@ class Belief:
     mean, std, lml
         The model's latent prediction on it, terrain's unit, and log marginal likelihood (NaN if it
         tells none).
+    rate_limited
+        Whether the last epoch has moved the hyperparameters about as far as its iterations can
+        (`infoplan.collapse.is_rate_limited`); None after the pilot, or where nothing tells.
     seconds
         Latest duration of each part of an epoch.
 
@@ -126,6 +129,7 @@ class Belief:
             )
         self.epochs, self.flagged, self.score = _unjudged(pilot, 0)
         self.judged = slice(0, 0)
+        self.rate_limited: bool | None = None
         with self._timed("fit"):
             self.model = new_model(pilot.x[told], pilot.measured[told])
             self.model.optimize(config.model.pilot_iterations)
@@ -194,13 +198,22 @@ class Belief:
             kept = ~self.flagged[self.judged]
             x, measured = self.readings.x[self.judged], self.readings.measured[self.judged]
             (self.model.replace if historical else self.model.append)(x[kept], measured[kept])
-            per_sample = self.config.model.iterations == "per_sample"
-            self.model.optimize(len(batch) if per_sample else int(self.config.model.iterations))
+            self._optimize(len(batch))
         self.mean, self.std, self.lml = self._predict()
 
     def outlier_density(self) -> Floats:
         """Outlier matrix smoothed by a Gaussian (paper, Fig. 3b), shape of the query grid."""
         return smooth(self._flag_counts, self.config.planner.smoothing, self.extent)
+
+    def _optimize(self, new: int) -> None:
+        """Optimise the hyperparameters after so many new samples."""
+        wanted, rate = self.config.model.iterations, rate_of(self.config.model)
+        iterations = new if wanted == "per_sample" else int(wanted)
+        before = None if rate is None else vars(self.model.hyperparameters)
+        self.model.optimize(iterations)
+        if before is not None:
+            after = vars(self.model.hyperparameters)
+            self.rate_limited = is_rate_limited(before, after, iterations, rate)
 
     def _situation(self) -> Situation:
         """Gather what the planner is given."""

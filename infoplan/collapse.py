@@ -1,17 +1,27 @@
-"""A collapsed model: its smaller lengthscale lies below the distance of two successive samples.
+"""What learning has made of a model: whether it has collapsed, whether it was still on the way.
 
-It takes what it is told for noise, and between the tracks predicts the pilot's mean.
+A collapsed model's smaller lengthscale lies below the distance of two successive samples. It takes
+what it is told for noise, and between the tracks predicts the pilot's mean.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from infoplan.config import MissionConfig, is_survey
+from infoplan.config import GpConfig, MissionConfig, ModelConfig, StudentTConfig, is_survey
 
 ROUNDING = 1e-9
 """Share of the distance by which a lengthscale at that very floor may lie below it."""
+
+NEAR_LIMIT = 0.5
+"""Share of Adam's learning rate from which on steps count as near it."""
+
+LAST_EPOCHS = 10
+"""So many epochs tell whether hyperparameters are still moving at the end."""
+
+GAIN = 100.0
+"""Nats that a refit gains where the hyperparameters were far from the optimum."""
 
 
 def spacing_of(config: MissionConfig, pilot: NDArray[np.float64]) -> float:
@@ -101,4 +111,85 @@ def collapse_sentence(ends: Sequence[bool | None]) -> str:
     return (
         f"{missions} with a lengthscale below the distance of two samples: {whose} collapsed; try "
         "model.restarts=3 (gp, student_t, vecchia), or see docs/collapse.md"
+    )
+
+
+def rate_of(model: ModelConfig) -> float | None:
+    """Give the learning rate that limits how far an iteration moves a hyperparameter's logarithm.
+
+    Returns
+    -------
+    float or None
+        None where nothing does: under L-BFGS or restarts, or in models that start anew in every
+        epoch or are the user's own.
+    """
+    if not isinstance(model, GpConfig | StudentTConfig):
+        return None
+    if model.optimizer != "adam" or model.restarts:
+        return None
+    return model.learning_rate
+
+
+def is_rate_limited(
+    before: Mapping[str, float], after: Mapping[str, float], iterations: int, rate: float | None
+) -> bool | None:
+    """Tell whether an epoch's iterations have moved a hyperparameter about as far as they can.
+
+    Parameters
+    ----------
+    before, after
+        Hyperparameters by name; `noise_std` is learned as its square.
+    iterations
+        How many they were.
+    rate
+        From `rate_of`.
+
+    Returns
+    -------
+    bool or None
+        Whether the mean step of a logarithm was at least half of the rate; None without a rate or
+        an iteration.
+    """
+    if rate is None or not iterations:
+        return None
+    names = list(after)
+    ratio = [float(after[name]) / float(before[name]) for name in names]
+    powers = [2.0 if name == "noise_std" else 1.0 for name in names]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moved = np.abs(np.log(ratio)) * powers
+    return bool(np.max(moved) >= NEAR_LIMIT * rate * iterations)
+
+
+def was_moving(epochs: Sequence[bool | None]) -> bool | None:
+    """Tell whether at least half of a mission's last epochs were at the limit of the learning rate.
+
+    Parameters
+    ----------
+    epochs
+        Of each epoch, in order, whether it was; None: not known.
+    """
+    known = [epoch for epoch in epochs if epoch is not None][-LAST_EPOCHS:]
+    return 2 * sum(known) >= len(known) if known else None
+
+
+def moving_sentence(ends: Sequence[bool | None]) -> str:
+    """Say how many missions have ended while their hyperparameters were on the way.
+
+    Parameters
+    ----------
+    ends
+        Of each mission, from `was_moving`.
+
+    Returns
+    -------
+    str
+        A sentence without its full stop; empty if none has.
+    """
+    count, known = counted_ends(ends)
+    if not count:
+        return ""
+    missions = f"{count} of {known} missions end" if known > 1 else "the mission ends"
+    return (
+        f"{missions} with hyperparameters that still move about as fast as model.learning_rate "
+        "lets them: learning is not finished, and infoplan explain tells what that costs"
     )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from infoplan.analyse.tables import Selection
     from infoplan.command_line.settings import More
 
-FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration", "outliers")
+FIGURES = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration", "outliers", "explain")
 
 INFO = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 
@@ -368,7 +368,7 @@ def status(
 
 @command_on_runs(
     "figures",
-    help="Draw figures from stored results: the paper's, calibration, methods against faults.",
+    help="Draw figures from stored results: the paper's, calibration, faults, sources of error.",
     examples=["infoplan figures fig5 fig7 seed=1", "infoplan figures outliers rho=0.2"],
 )  # fmt: skip
 @setting("figure", FigureName(), "which; all if none is named", default=(), bare=-1,
@@ -385,7 +385,15 @@ def figures(
 ) -> int:
     """Draw figures."""
     from infoplan.analyse.mission_scores import stored_faults
-    from infoplan.draw.figures import OF_STUDY, OUTLIERS, check_names, draw_figures, draw_outliers
+    from infoplan.draw.figures import (
+        EXPLAIN,
+        OF_STUDY,
+        OUTLIERS,
+        check_names,
+        draw_explain,
+        draw_figures,
+        draw_outliers,
+    )
 
     names = check_names(figure)
     problems: list[str] = []
@@ -400,6 +408,10 @@ def figures(
             heat_map, notes = draw_outliers(results_dir, chosen)
             problems += notes
             drawn.append(heat_map)
+    if EXPLAIN in names:
+        explanation = draw_explain(_study(results_dir, run, filters))
+        if figure or explanation.files:
+            drawn.append(explanation)
     for one in drawn:
         for path in one.files:
             print(path)
@@ -507,6 +519,59 @@ def show(run: str | None, results_dir: Path) -> int:
 
     show(find_missions(results_dir, run=run), wide_console())
     return EXIT_OK
+
+
+@infoplan.command(
+    "explain", cls=Command, more=options_of("EXPLAIN"),
+    help="Say where a run's error comes from: learning, spikes, samples lost, places.",
+    examples=["infoplan explain uct-copod-helens seeds=6 --seeds"],
+)  # fmt: skip
+@run_setting("which run, or a list of runs")
+@RESULTS
+@setting("best", RunName(), "the run of detector=best to compare with; that of UCT with the same "
+         "options if left out")  # fmt: skip
+@setting("seeds", Seeds(), "which seeds; all that both have if left out")
+@click.option("--seeds", "single_seeds", is_flag=True, help="print each seed, too")
+@click.option("--csv", "as_csv", is_flag=True, help="write every seed for scripts")
+@click.option("--json", "as_json", is_flag=True, help="write means and seeds for scripts")
+def explain(
+    run: str | list[str] | None,
+    results_dir: Path,
+    best: str | None,
+    seeds: Sequence[int] | None,
+    single_seeds: bool,
+    as_csv: bool,
+    as_json: bool,
+    overrides: list[str],
+) -> int:
+    """Explain runs."""
+    from rich.console import Console
+
+    from infoplan.draw.console import wide_console
+    from infoplan.draw.explain_table import as_csv as to_csv
+    from infoplan.draw.explain_table import as_json as to_json
+    from infoplan.draw.explain_table import print_sources
+    from infoplan.study_commands import explain
+
+    if as_csv and as_json:
+        raise UsageError("explanations are written as --json or --csv, not both")
+    if run is None:
+        from infoplan.text_options import as_command
+
+        raise UsageError(
+            "infoplan explain takes one stored run, or a list of them: give the name or the hash, "
+            f"which {as_command('infoplan status', results_dir)} lists"
+        )
+    named = [run] if isinstance(run, str) else run
+    console = Console(stderr=True) if as_csv or as_json else wide_console()
+    sources, failed = explain(results_dir, named, best, seeds, overrides, console)
+    if sources and as_json:
+        print(to_json(sources))
+    elif sources and as_csv:
+        print(to_csv(sources))
+    elif sources:
+        print_sources(sources, console, single_seeds=single_seeds)
+    return EXIT_FAILED if failed else EXIT_OK
 
 
 @infoplan.command(

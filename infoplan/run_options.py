@@ -224,6 +224,11 @@ def ahead_settings(given: Mapping[str, Any]) -> list[Setting]:
     return [*group_settings(["planner"]), *known.values()]
 
 
+def explain_settings(given: Mapping[str, Any]) -> list[Setting]:
+    """Declare how refits are run: as replays are."""
+    return [setting for setting in root_settings() if setting.word in REPLAY_HOW]
+
+
 def hydra_words(incomplete: str) -> list[str]:
     """Complete Hydra's own options: ``hydra/launcher=`` and the like."""
     if not incomplete.startswith("hydra"):
@@ -342,6 +347,10 @@ RUN = More(
 )  # fmt: skip
 STATUS = More("overrides", run_settings, lambda name: True, several=lambda flags: True)
 REPLAY = More("overrides", replay_settings, lambda name: True, pages=write_replay_page)
+EXPLAIN = More(
+    "overrides", explain_settings, lambda name: False,
+    documented=", ".join(f"{name}=" for name in REPLAY_HOW),
+)  # fmt: skip
 SURVEY = More("overrides", survey_settings, lambda name: True, pages=write_survey_page)
 AHEAD = More(
     "overrides", ahead_settings, lambda name: name.startswith("planner."),

@@ -34,8 +34,8 @@ class CurveRow:
     Errors and scores compare the noise-free truth on the query grid with the model's latent mean
     and standard deviation, and are NaN where the terrain is unknown; hyperparameters are in scaled
     units, elevations in the terrain's. What the model has not (one of the user's) is NaN;
-    `collapsed` is then None. `further` holds, by name, what else the kernel has learned: a column
-    each.
+    `collapsed` and `rate_limited` are then None. `further` holds, by name, what else the kernel has
+    learned: a column each.
     """
 
     epoch: int
@@ -67,6 +67,7 @@ class CurveRow:
     rmse_rugged: float
     path_length: float
     collapsed: bool | None
+    rate_limited: bool | None
     further: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
 
@@ -186,6 +187,7 @@ def assess(
         detect_seconds=belief.seconds["detect"],
         path_length=path_length(collected.x),
         collapsed=_collapsed(belief, learned),
+        rate_limited=belief.rate_limited,
         further=_further(learned),
     )
     density = belief.outlier_density().ravel()

@@ -1,4 +1,4 @@
-"""What the commands about studies do: run, show what would run, replay, look at what is done.
+"""What the commands about studies do: run, show what would run, replay, explain, look at them.
 
 A study that is stored already is shown without what missions need: imports of SciPy and Numba wait.
 """
@@ -8,13 +8,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from infoplan.analyse.configurations import stored_options
 from infoplan.analyse.status import Status, look, look_at_all
 from infoplan.config import Config
-from infoplan.draw.console import wide_console
+from infoplan.draw.console import say, wide_console
 from infoplan.draw.progress import listener
 from infoplan.draw.status_table import print_status
 from infoplan.draw.study_tables import print_plan, print_summary
@@ -27,6 +28,9 @@ from infoplan.output import Output
 from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study, plan_study, run_study
 from infoplan.study.stored_curves import final_rmse
+
+if TYPE_CHECKING:
+    from infoplan.analyse.error_sources import ErrorSources
 
 
 def run(arguments: list[str]) -> int:
@@ -97,6 +101,67 @@ def replay(
     study = replay_study(results_dir, source, config, seeds, listening)
     print_replay(study, console)
     return int(bool(study.failed))
+
+
+def explain(
+    results_dir: Path,
+    runs: Sequence[str],
+    best: str | None,
+    seeds: Sequence[int] | None,
+    overrides: list[str],
+    console: Console,
+) -> "tuple[list[ErrorSources], int]":
+    """Compute where the errors of stored runs come from, as far as it is not stored.
+
+    Parameters
+    ----------
+    results_dir
+        The folder of the tables.
+    runs
+        As `infoplan.study.run_names` finds them.
+    best
+        The run of BEST that all are compared with; None: found for each.
+    seeds
+        Which missions; None: all that a run and BEST both have.
+    overrides
+        How it is run.
+    console
+        Where progress is told.
+
+    Returns
+    -------
+    sources : list of ErrorSources
+        Of the runs with a mission that could be computed.
+    failed : int
+        How many missions could not.
+    """
+    from infoplan.analyse.error_sources import common_seeds, explained, find_best
+    from infoplan.study.refit import demand_refittable, refit_study
+    from infoplan.study.replay import find_flown
+
+    config = compose(overrides)
+    flown = {source.name: source for source in (find_flown(results_dir, run) for run in runs)}
+    for source in flown.values():
+        demand_refittable(source)
+    compared = {name: find_best(results_dir, name, best) for name in flown}
+    chosen = {name: common_seeds(results_dir, name, of, seeds) for name, of in compared.items()}
+    wanted: dict[str, dict[int, None]] = {}
+    for name, of in compared.items():
+        for run in (of, name):
+            wanted.setdefault(run, {}).update(dict.fromkeys(chosen[name]))
+    sources = {name: flown.get(name) or find_flown(results_dir, name) for name in wanted}
+    study = refit_study(
+        results_dir, [(sources[name], list(of_run)) for name, of_run in wanted.items()], config,
+        listener(console),
+    )  # fmt: skip
+    for label, reason, path in study.failed:
+        say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
+    told = []
+    for name, of in compared.items():
+        done = [seed for seed in chosen[name] if {(name, seed), (of, seed)} <= study.done]
+        if done:
+            told.append(explained(results_dir, name, of, done))
+    return told, len(study.failed)
 
 
 def status(results_dir: Path, overrides: Sequence[str], run: str | None, as_json: bool) -> int:

@@ -2,9 +2,9 @@
 
 Columns and tables are added, never moved or given another meaning: older results stay readable.
 What `FIRST` wrote is in every file; a column of later may be missing, and reads as null; a table
-of later may be missing; a column of a version to come is read as it is. Curves have besides a
-column for each hyperparameter of the kernel that has none here, under the name that the kernel
-gives it, in scaled units.
+of later may be missing; a column of a version to come is read as it is. Curves and refits have
+besides a column for each hyperparameter of the kernel that has none here, under the name that the
+kernel gives it, in scaled units.
 """
 
 import math
@@ -94,11 +94,15 @@ class Table:
         By name, in order.
     since
         The version that wrote it first.
+    derived
+        Whether it is computed later, from the mission's other tables: it is no part of what makes
+        the mission whole, and is computed again where it is damaged or of an earlier flight.
     """
 
     doc: str
     columns: dict[str, Column]
     since: str = FIRST
+    derived: bool = False
 
     @property
     def may_be_missing(self) -> bool:
@@ -110,8 +114,8 @@ class Table:
         return [column.name for column in self.columns.values() if column.unit == unit]
 
 
-def _table(doc: str, *columns: Column, since: str = FIRST) -> Table:
-    return Table(doc, {column.name: column for column in columns}, since)
+def _table(doc: str, *columns: Column, since: str = FIRST, derived: bool = False) -> Table:
+    return Table(doc, {column.name: column for column in columns}, since, derived)
 
 
 ELEVATION = "the terrain's unit"
@@ -190,6 +194,15 @@ TABLES: dict[str, Table] = {
             gaps=True,
             since="0.2.0",
         ),
+        Column(
+            "rate_limited",
+            "boolean",
+            "whether an iteration of the epoch moved a hyperparameter's logarithm by half of "
+            "Adam's learning rate or more, on average; of L-BFGS, restarts or no iteration, and of "
+            "models but gp, student_t and vecchia: null",
+            gaps=True,
+            since="0.2.0",
+        ),
     ),
     "samples": _table(
         "a sample, in order of collection",
@@ -238,6 +251,29 @@ TABLES: dict[str, Table] = {
         Column("verdict", "text", "what the later logs say of that: confirmed, cleared or "
                "untested; else null", gaps=True),
         since="0.2.0",
+    ),
+    "refits": _table(
+        "a refit: hyperparameters at the likelihood's optimum on some of the mission's samples, as "
+        "`infoplan explain` computes them",
+        Column("seed", "integer", "seed of the mission", at_least=0),
+        Column("data", "text", "which samples: used, without_spikes (those used less the outliers "
+               "among them), with_lost (those used and the others that were flagged), clean (all "
+               "but the outliers)"),
+        Column("accepted", "integer", "how many they are", at_least=0),
+        Column("rmse", "double", "as of the curves", ELEVATION, at_least=0, of_truth=True),
+        Column("lml", "double", "log marginal likelihood of the samples"),
+        Column("gain", "double", "by how much what the model maximises is above its value under "
+               "the mission's last hyperparameters, nats"),
+        Column("slope", "double", "largest derivative by a logarithm there, nats", at_least=0),
+        Column("converged", "boolean", "whether that is at most 0.1"),
+        Column("agreeing", "integer", "starts that led there", at_least=1),
+        Column("starts", "integer", "of how many", at_least=1),
+        Column("amplitude", "double", "of the kernel", SCALED),
+        Column("lengthscale_1", "double", "of the kernel along x1", SCALED, gaps=True),
+        Column("lengthscale_2", "double", "of the kernel along x2", SCALED, gaps=True),
+        Column("noise_std", "double", "deviation of the noise", SCALED),
+        since="0.2.0",
+        derived=True,
     ),
 }  # fmt: skip
 """Tables and columns, in order."""

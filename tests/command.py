@@ -38,7 +38,8 @@ def infoplan(
 
 
 COMMANDS = (
-    "run|replay|survey|next|status|show|figures|claims|leaderboard|report|audit|animate|terrain"
+    "run|replay|survey|next|status|show|figures|claims|explain|leaderboard|report|audit|animate|"
+    "terrain"
 )
 
 

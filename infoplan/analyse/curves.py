@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from infoplan.analyse.configurations import default_options
 from infoplan.analyse.statistics import PairedDifference, paired_difference
 from infoplan.analyse.tables import REPLAY
-from infoplan.collapse import collapse_sentence
+from infoplan.collapse import collapse_sentence, moving_sentence
 from infoplan.errors import UsageError
-from infoplan.study.stored_curves import ended_collapsed
+from infoplan.study.stored_curves import ended_collapsed, ended_moving
 
 EARLY = (150, 500)
 """The paper's claims call this stretch of collected samples early."""
@@ -102,6 +102,24 @@ def collapsed_ends(curves: pd.DataFrame, results_dir: Path) -> dict[tuple[str, i
 def collapse(curves: pd.DataFrame, results_dir: Path) -> str:
     """Say how many missions end with a collapsed model, and what helps; empty if none does."""
     return collapse_sentence(list(collapsed_ends(curves, results_dir).values()))
+
+
+def moving_ends(curves: pd.DataFrame, results_dir: Path) -> dict[tuple[str, int], bool | None]:
+    """Tell of each mission, by run and seed, whether its hyperparameters still moved at its end.
+
+    Parameters as of `collapsed_ends`.
+    """
+    return {
+        (run, seed): ended_moving(
+            results_dir, run, seed, {str(name): rows[name].to_numpy() for name in rows}
+        )
+        for (run, seed), rows in missions(curves)
+    }
+
+
+def moving(curves: pd.DataFrame, results_dir: Path) -> str:
+    """Say how many missions end while their hyperparameters move; empty if none does."""
+    return moving_sentence(list(moving_ends(curves, results_dir).values()))
 
 
 def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:

@@ -8,10 +8,12 @@ from typing import Any
 
 from infoplan.analyse.by_fault import by_fault
 from infoplan.analyse.commands import Wanted, commands
+from infoplan.analyse.error_sources import stored_explanations
 from infoplan.analyse.mission_scores import read_scores
 from infoplan.analyse.tables import REPLAY, Selection
-from infoplan.draw import calibration, fig5, outliers
+from infoplan.draw import calibration, error_sources, fig5, outliers
 from infoplan.errors import UsageError
+from infoplan.text_options import as_command
 from infoplan.wording import suggest
 
 OF_STUDY = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration")
@@ -20,7 +22,10 @@ OF_STUDY = ("fig1", "fig3", "fig4", "fig5", "fig6", "fig7", "calibration")
 OUTLIERS = "outliers"
 """Methods against faults, over all maps."""
 
-NAMES = (*OF_STUDY, OUTLIERS)
+EXPLAIN = "explain"
+"""Where errors come from, of the runs that ``infoplan explain`` has explained."""
+
+NAMES = (*OF_STUDY, OUTLIERS, EXPLAIN)
 
 MOST_NAMED = 4
 """So many missing runs are named at most."""
@@ -121,6 +126,25 @@ def draw_outliers(results_dir: Path, filters: Mapping[str, Any]) -> tuple[Drawn,
         problem = f"{OUTLIERS} needs a method with one seed on all its maps and at all its rhos"
         return Drawn(OUTLIERS, (), f"{problem}: choose with terrain=, rho= or the like"), ()
     return Drawn(OUTLIERS, tuple(outliers.draw(table, results_dir / "figures")), ""), scores.notes
+
+
+def draw_explain(selection: Selection) -> Drawn:
+    """Draw where the errors of a study's runs come from into the folder ``figures``.
+
+    Parameters
+    ----------
+    selection
+        From `infoplan.analyse.find_study`.
+    """
+    sources = stored_explanations(selection)
+    if sources:
+        files = error_sources.draw(sources, selection.results_dir / "figures")
+        return Drawn(EXPLAIN, tuple(files), "")
+    runs = [run for run, options in selection.options.items()
+            if options["detector.name"] != "best"]  # fmt: skip
+    cure = as_command(f"infoplan explain {runs[0]}" if runs else "infoplan run",
+                      selection.results_dir)  # fmt: skip
+    return Drawn(EXPLAIN, (), f"{EXPLAIN} needs a run that has been explained: run {cure}")
 
 
 def check_names(names: Sequence[str]) -> list[str]:

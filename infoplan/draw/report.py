@@ -1,7 +1,7 @@
 """The study as one HTML page that needs nothing besides itself."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,16 @@ from infoplan.analyse.by_fault import by_fault
 from infoplan.analyse.claims import METHODS, judge_claims
 from infoplan.analyse.configurations import changed_options, differing
 from infoplan.analyse.curves import ratios
+from infoplan.analyse.error_sources import PARTS, ErrorSources, stored_explanations
 from infoplan.analyse.judging import Claim, Comparison
 from infoplan.analyse.later_logs import later_sentences
 from infoplan.analyse.mission_scores import read_scores
 from infoplan.analyse.statistics import Interval
 from infoplan.analyse.stretches import NO_TRUTH
 from infoplan.analyse.tables import Selection, study_of, told_apart
-from infoplan.collapse import collapse_sentence
+from infoplan.collapse import collapse_sentence, moving_sentence
 from infoplan.config import is_survey
-from infoplan.draw import claims_table, fault_table
+from infoplan.draw import claims_table, explain_table, fault_table
 from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
 from infoplan.draw.report_data import (
     Findings,
@@ -123,6 +124,7 @@ def _rendered(selection: Selection) -> str:
     )
     calibration = {"axis": [], "panels": []} if surveyed else calibration_charts(selection, panels)
     faults = _faults(selection)
+    sources = [] if surveyed else stored_explanations(selection)
     data = {
         "unit": selection.unit,
         "methods": _methods(panels),
@@ -143,6 +145,8 @@ def _rendered(selection: Selection) -> str:
         "faults": faults,
         "faults_link": '<a href="#faults">Faults</a>\n' if faults else "",
         "calibration": _calibration(calibration, panels, selection),
+        "sources": _sources(sources, selection),
+        "sources_link": '<a href="#sources">Sources</a>\n' if sources else "",
         "claims": _claims(claims, reason),
         "error": f"Cross-validated RMSE, each stretch of the track predicted from the others, as "
         f"{NO_TRUTH},"
@@ -231,6 +235,8 @@ def _summary(
     lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
     told_collapse = collapse_sentence(list(findings.ends.values()))
     lines += [told_collapse] if told_collapse else []
+    told_moving = moving_sentence(list(findings.moving.values()))
+    lines += [told_moving] if told_moving else []
     cautions = [f"<p>{as_html(sentence(line))}</p>" for line in lines]
     return (
         "".join(f"<p>{as_html(text)}</p>" for text in introduction)
@@ -385,6 +391,51 @@ def _covered(line: Mapping[str, Any] | None, at: int) -> str:
     return f"{mean:.2f}" if low is None else f"{mean:.2f} [{low:.2f}, {high:.2f}]"
 
 
+def _sources(sources: Sequence[ErrorSources], selection: Selection) -> str:
+    """Section on where errors come from; empty where no run has been explained."""
+    if not sources:
+        return ""
+    methods = selection.missions.drop_duplicates("run").set_index("run")["method"]
+    ends = [0.0, *(value for one in sources for part in ("gap", *PARTS)
+                   for value in (*one.table[part], one.interval(part).low, one.interval(part).high)
+                   if math.isfinite(value))]  # fmt: skip
+    margin = 0.05 * (max(ends) - min(ends)) or 1.0
+    scale = (min(ends) - margin, max(ends) + margin)
+    bodies = []
+    for one in sources:
+        scope = ", historical scope" if one.scope == "historical" else ""
+        title = f"{methods[one.run]}, ρ = {one.rho:g}{scope}, {counted(len(one.table), 'seed')}"
+        rows = [f'<tr class="claim"><th scope="rowgroup" colspan="4">{as_html(title)}</th></tr>']
+        for name, words in explain_table.WORDS.items():
+            mean = one.interval(name)
+            strip = _strip(mean, one.table[name], scale) if name in ("gap", *PARTS) else ""
+            cells = (explain_table.span(mean), explain_table.share(one, name))
+            rows.append(
+                f'<tr><th scope="row">{as_html(words)}</th><td class="picture">{strip}</td>'
+                + "".join(f'<td class="number">{as_html(text)}</td>' for text in cells)
+                + "</tr>"
+            )
+        told = "".join(f"{as_html(sentence(text))} " for text in explain_table.remarks(one))
+        rows.append(f'<tr><td colspan="4" class="muted">{told}</td></tr>' if told else "")
+        bodies.append(f"<tbody>{''.join(rows)}</tbody>")
+    unit = as_html(selection.unit)
+    return (
+        '<section id="sources" aria-labelledby="sources-title">\n'
+        '<h2 id="sources-title">Where the error comes from</h2>\n'
+        "<p>The final error of each mission less that of BEST with the same seed, in parts that "
+        "add up to it: learning, what a refit of the hyperparameters at the likelihood's optimum "
+        "would take away; spikes that the detector let through, and clean samples that it dropped, "
+        "each with a refit; places, what is left with true labels on the mission's own path; and "
+        "BEST itself, what a refit would add to BEST's own error. Means over seeds with 95 % t "
+        "intervals; a stroke a seed, all on one scale, "
+        f"{as_html(_scale_words({selection.unit: scale}))}.</p>"
+        f'<div class="scroll" role="region" aria-label="Parts of the gap to BEST" tabindex="0">'
+        f'<table><thead><tr><th scope="col">part</th><td></td><th scope="col" class="number">'
+        f'RMSE ({unit})</th><th scope="col" class="number">share</th></tr></thead>'
+        f"{''.join(bodies)}</table></div>\n</section>\n"
+    )
+
+
 def _claims(claims: Sequence[Claim], reason: str) -> str:
     told = f'<div class="note"><p>{as_html(sentence(reason))}</p></div>' if reason else ""
     if not claims:
@@ -477,25 +528,33 @@ def _whisker(item: Comparison, scales: Mapping[str, Scale]) -> str:
     effect, stated = item.effect, item.stated
     if effect.n == 0 or not math.isfinite(effect.mean):
         return ""
-    low, high = scales[_unit(item)]
-    marks = (effect.mean, effect.low, effect.high, stated.low, stated.high, 0.0)
-    middle, left, right, start, end, zero, *seeds = (
-        round(4 + 122 * min(max((value - low) / (high - low), 0.0), 1.0), 1)
-        for value in (*marks, *item.values.values())
-    )
-    start, end = (
-        0.0 if math.isinf(stated.low) else start,
-        130.0 if math.isinf(stated.high) else end,
-    )
-    known = not (math.isnan(effect.low) or math.isnan(effect.high))
+    scale = scales[_unit(item)]
+    start = 0.0 if math.isinf(stated.low) else _along(stated.low, scale)
+    end = 130.0 if math.isinf(stated.high) else _along(stated.high, scale)
+    side = f'<rect class="stated" x="{start}" y="0" width="{end - start:.1f}" height="16"/>'
+    return _strip(effect, item.values.values(), scale, side, item.verdict)
+
+
+def _strip(
+    mean: Interval, seeds: Iterable[float], scale: Scale, behind: str = "", kind: str = ""
+) -> str:
+    """Picture of a mean: its interval, a stroke a seed, and zero, on an axis."""
+    known = not (math.isnan(mean.low) or math.isnan(mean.high))
+    left, right = (_along(mean.low, scale), _along(mean.high, scale)) if known else (0.0, 0.0)
     interval = f'<path class="whisker" d="M{left} 8H{right}"/>' if known else ""
+    strokes = "".join(f"M{_along(seed, scale)} 2V14" for seed in seeds)
     return (
-        '<svg viewBox="0 0 130 16" aria-hidden="true">'
-        f'<rect class="stated" x="{start}" y="0" width="{end - start:.1f}" height="16"/>'
-        f'<path class="zero" d="M{zero} 0V16"/><g class="{item.verdict}">'
-        f'<path class="seeds" d="{"".join(f"M{seed} 2V14" for seed in seeds)}"/>{interval}'
-        f'<circle class="middle" cx="{middle}" cy="8" r="4"/></g></svg>'
+        f'<svg viewBox="0 0 130 16" aria-hidden="true">{behind}'
+        f'<path class="zero" d="M{_along(0.0, scale)} 0V16"/><g class="{kind}">'
+        f'<path class="seeds" d="{strokes}"/>{interval}'
+        f'<circle class="middle" cx="{_along(mean.mean, scale)}" cy="8" r="4"/></g></svg>'
     )
+
+
+def _along(value: float, scale: Scale) -> float:
+    """Where a value lies on a picture of that axis."""
+    low, high = scale
+    return round(4 + 122 * min(max((value - low) / (high - low), 0.0), 1.0), 1)
 
 
 def _detector(

@@ -20,6 +20,7 @@ from infoplan.analyse.curves import (
     common_axis,
     drawable,
     missions,
+    moving_ends,
     on_common_axis,
     summarise,
 )
@@ -117,12 +118,15 @@ class Findings:
         One row a mission, as `infoplan.analyse.summarise` gives it.
     ends
         Whether each mission, by run and seed, ends with a collapsed model.
+    moving
+        Whether its hyperparameters were still on the way.
     """
 
     axis: NDArray[np.int64]
     curves: pd.DataFrame
     summaries: pd.DataFrame
     ends: dict[tuple[str, int], bool | None]
+    moving: dict[tuple[str, int], bool | None]
 
     def interval(self, run: str, name: str) -> Interval:
         """Mean over a run's seeds of a number a mission, with its 95 % interval."""
@@ -155,7 +159,8 @@ def read_findings(selection: Selection) -> Findings:
     whole = common_axis(curves)
     axis = np.unique(np.linspace(whole[0], whole[-1], CURVE_POINTS).round().astype(np.int64))
     ends = collapsed_ends(curves, selection.results_dir)
-    return Findings(axis, on_common_axis(curves, axis), summarise(curves), ends)
+    moving = moving_ends(curves, selection.results_dir)
+    return Findings(axis, on_common_axis(curves, axis), summarise(curves), ends, moving)
 
 
 def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from rich.text import Text
 
 from infoplan.analyse.calibration import calibration_curve
 from infoplan.analyse.configurations import changed_options, option_text
-from infoplan.analyse.curves import collapse, missions, on_common_axis, summarise
+from infoplan.analyse.curves import collapse, missions, moving, on_common_axis, summarise
 from infoplan.analyse.relief import by_relief
 from infoplan.analyse.statistics import mean_interval
 from infoplan.analyse.stretches import NO_TRUTH, load_scored_curves, read_stretches
@@ -55,6 +55,8 @@ def show(selection: Selection, console: Console) -> None:
         for seed in selection.seeds(runs[0]):
             print_logs(selection.results_dir, runs[0], seed, console)
     if said := collapse(curves, selection.results_dir):
+        say(console, said, style="yellow")
+    if said := moving(curves, selection.results_dir):
         say(console, said, style="yellow")
     console.print()
     if not surveyed:

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from infoplan.analyse.configurations import Options, differing, option_text, stored_options
 from infoplan.analyse.statistics import mean_interval
-from infoplan.collapse import collapse_sentence, counted_ends, share_text
+from infoplan.collapse import collapse_sentence, counted_ends, moving_sentence, share_text
 from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
@@ -17,7 +17,12 @@ from infoplan.method_identity import method_of
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
-from infoplan.study.stored_curves import StoredCurve, ended_collapsed, stored_curves
+from infoplan.study.stored_curves import (
+    StoredCurve,
+    ended_collapsed,
+    ended_moving,
+    stored_curves,
+)
 from infoplan.study.study import Study
 from infoplan.wording import counted, figure, harmless, interval, spans
 
@@ -28,6 +33,11 @@ def print_summary(study: Study, console: Console) -> None:
     ends = {run.name: _ends(study, run, curves[run.name]) for run, _ in study.runs}
     _print_closing_table(study, curves, ends, console)
     if said := collapse_sentence([end for of_run in ends.values() for end in of_run]):
+        say(console, said, style="yellow")
+    if said := moving_sentence([
+        ended_moving(study.results_dir, name, int(curve["seed"][-1]), curve.columns)
+        for name, of_run in curves.items() for curve in of_run
+    ]):  # fmt: skip
         say(console, said, style="yellow")
     for label, reason, path in study.failed:
         say(console, f"FAILED {label}: {reason} ({path})", style="bold red")

@@ -11,6 +11,8 @@ Evaluate = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 # How far L-BFGS moves a logarithm on new data: a factor of 20, either way.
 _REACH = 3.0
+# A logarithm so near to a bound lies on it.
+_ROUNDING = 1e-9
 
 
 def _is_usable(value: float, gradient: np.ndarray) -> bool:
@@ -163,6 +165,54 @@ class Lbfgs:
         self._scale = _curvature_scale(scale, [s[1] for s in seen], [s[2] for s in seen])
         self._reach = _REACH
         return max(seen, key=lambda s: s[0])[1]
+
+
+def maximise(evaluate: Evaluate, theta: np.ndarray, bounds: Bounds) -> np.ndarray:
+    """Run SciPy's L-BFGS-B until the gradient vanishes, or the value rises no more.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Maps theta to the likelihood and its gradient.
+    theta : ndarray of shape (k,)
+        Where to start; clipped to the bounds.
+    bounds : Bounds
+        The likelihood is not evaluated beyond them.
+
+    Returns
+    -------
+    ndarray of shape (k,)
+        The best theta evaluated; the start if nothing could be evaluated.
+    """
+    from scipy.optimize import minimize
+
+    start = np.clip(theta, bounds.lower, bounds.upper)
+    best = (-np.inf, start)
+
+    def objective(candidate: np.ndarray) -> tuple[float, np.ndarray]:
+        nonlocal best
+        value, gradient = evaluate(candidate)
+        if not _is_usable(value, gradient):
+            raise _SpentError
+        if value > best[0]:
+            best = value, candidate.copy()
+        return -value, -gradient
+
+    with suppress(_SpentError):
+        minimize(
+            objective, start, jac=True, method="L-BFGS-B",
+            bounds=np.column_stack([bounds.lower, bounds.upper]),
+            options={"maxiter": 500, "maxfun": 500, "ftol": 1e-10, "gtol": 1e-2},
+        )  # fmt: skip
+    return best[1]
+
+
+def steepest(gradient: np.ndarray, theta: np.ndarray, bounds: Bounds) -> float:
+    """Return the largest slope in size along which theta may still rise within its bounds."""
+    blocked = ((theta <= bounds.lower + _ROUNDING) & (gradient < 0)) | (
+        (theta >= bounds.upper - _ROUNDING) & (gradient > 0)
+    )
+    return float(np.abs(np.where(blocked, 0.0, gradient)).max())
 
 
 def optimizer_of(name: str, learning_rate: float) -> Adam | Lbfgs:

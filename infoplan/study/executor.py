@@ -1,7 +1,8 @@
-"""The one executor: missions to fly or replay go through one pool of workers, each is stored.
+"""The one executor: missions to fly, replay or refit go through one pool of workers.
 
-This process is the only one that writes: workers hand their tables back. It holds the lock of each
-mission that is under way, so that other infoplan processes on the same results fly other missions.
+Each is stored. This process is the only one that writes: workers hand their tables back. It holds
+the lock of each mission that is under way, so that other infoplan processes on the same results
+fly other missions.
 """
 
 import sys
@@ -24,8 +25,8 @@ from infoplan.study.pool import Pool, open_pool, worker_count
 from infoplan.study.provenance import git_state
 from infoplan.study.signals import postponed, stoppable
 from infoplan.study.store import (
-    inspect,
     save_configuration,
+    save_derived,
     save_failure,
     save_mission,
 )
@@ -40,7 +41,7 @@ MATHEMATICS = ("numpy", "scipy", "scikit-learn", "pyod", "numba", "llvmlite")
 
 
 def carry_out(study: Study, config: Config, listener: Listener) -> None:
-    """Fly or replay what is not done of a study, in one pool, and store the tables.
+    """Fly, replay or refit what is not done of a study, in one pool, and store the tables.
 
     Parameters
     ----------
@@ -203,7 +204,7 @@ class Flight:
     def done_elsewhere(self, task: Task) -> bool:
         """Whether another process has finished a mission since this study began."""
         name, seed = task.run.name, task.seed
-        return self.config.resume and inspect(self.study.results_dir, name, seed).state == "done"
+        return self.config.resume and self.study.inspect(name, seed).state == "done"
 
     def settle(self, outcome: Outcome) -> None:
         """Store a mission that has ended, or try it again, or record its failure."""
@@ -211,6 +212,8 @@ class Flight:
         try:
             if outcome.tables is not None:
                 self.store(outcome)
+            elif outcome.refits is not None:
+                self.store_refits(outcome)
             elif outcome.again and not self.stopping:
                 # Later, when whatever has eaten the memory may be gone.
                 self.waiting.append(task)
@@ -236,13 +239,23 @@ class Flight:
         self.study.done.add((task.run.name, task.seed))
         self.progress.finish(task.number, outcome.seconds, tables.curves["rmse"][-1].as_py())
 
+    def store_refits(self, outcome: Outcome) -> None:
+        """Write the refits of a mission."""
+        task, refits = outcome.task, outcome.refits
+        assert refits is not None
+        save_derived(self.study.results_dir, "refits", task.run.name, task.seed, refits)
+        self.study.computed += 1
+        self.study.done.add((task.run.name, task.seed))
+        self.progress.finish(task.number, outcome.seconds, refits["rmse"][0].as_py())
+
     def record_failure(self, outcome: Outcome) -> None:
         """Show a failure and keep its traceback; with ``on_error=stop`` start nothing more."""
         task, label = outcome.task, outcome.task.label
         self.progress.fail(task.number, outcome.reason)
         when = datetime.now(UTC).isoformat(timespec="seconds")
         text = f"{label}\n{when}\n{' '.join(sys.orig_argv)}\n\n{outcome.failure}"
-        path = save_failure(self.study.results_dir, task.run.name, task.seed, text)
+        what = "refits-" if self.study.refit else ""
+        path = save_failure(self.study.results_dir, task.run.name, task.seed, text, what)
         self.study.failed.append((label, outcome.reason, path))
         if self.config.on_error == "stop":
             self.stopping = True

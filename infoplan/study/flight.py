@@ -1,4 +1,4 @@
-"""What a worker does: fly, replay or map a mission, and hand back its tables, or say why not."""
+"""What a worker does: fly, replay, map or refit a mission, and hand back tables, or say why not."""
 
 import os
 import threading
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from infoplan.backend import load_matplotlib
@@ -69,6 +70,8 @@ class Task:
         The samples of a survey, by batch; else None.
     origins
         Of a survey of several logs, where its samples come from; else None.
+    refit
+        Where the mission's tables are whose hyperparameters are fit anew; else None.
     """
 
     run: Run
@@ -77,6 +80,7 @@ class Task:
     flown: tuple[Path, str] | None = None
     surveyed: Samples | None = None
     origins: Origins | None = None
+    refit: Path | None = None
 
     @property
     def label(self) -> str:
@@ -96,6 +100,8 @@ class Outcome:
         How long it took.
     tables, footer
         Of a mission that ended well.
+    refits
+        Of refits that ended well.
     reason
         Of one that did not: in a line.
     failure
@@ -107,6 +113,7 @@ class Outcome:
     task: Task
     seconds: float = 0.0
     tables: MissionTables | None = None
+    refits: pa.Table | None = None
     footer: dict[str, Any] = field(default_factory=dict)
     reason: str = ""
     failure: str = ""
@@ -114,7 +121,7 @@ class Outcome:
 
 
 def fly(task: Task, report: Report | None = None) -> Outcome:
-    """Fly or replay one mission, on one thread, and return its tables or what went wrong.
+    """Fly, replay or refit a mission, on one thread, and return its tables or what went wrong.
 
     Whatever a method of the user's raises fails the mission alone: only a signal gets through.
 
@@ -136,6 +143,11 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
 
         look_again()
         with one_thread():
+            if task.refit is not None:
+                from infoplan.study.refits import refit_mission
+
+                refits = refit_mission(task.refit, task.run, task.seed)
+                return Outcome(task, time.perf_counter() - clock, refits=refits)
             rows: list[CurveRow] = []
             stretches: list[StretchScore] = []
             flags: dict[int, NDArray[np.bool_]] = {}

@@ -82,9 +82,9 @@ def configuration_path(results_dir: Path, run: str) -> Path:
     return results_dir / "runs" / f"{run}.yaml"
 
 
-def failure_path(results_dir: Path, run: str, seed: int) -> Path:
-    """Path of the traceback of a mission that failed and has not succeeded since."""
-    return results_dir / "failures" / run / f"seed={seed}.txt"
+def failure_path(results_dir: Path, run: str, seed: int, what: str = "") -> Path:
+    """Path of the traceback of a mission, or of what else was computed of it, that has failed."""
+    return results_dir / "failures" / run / f"{what}seed={seed}.txt"
 
 
 def list_missions(results_dir: Path) -> dict[str, list[int]]:
@@ -140,12 +140,33 @@ def inspect(results_dir: Path, run: str, seed: int) -> Stored:
 
 
 def present_tables(results_dir: Path, run: str, seed: int) -> list[str]:
-    """List the tables that a mission must have, and those of the others that it has."""
+    """List the tables that a mission must have, and those of the others that it was stored with."""
     return [
         name
         for name, table in TABLES.items()
-        if not table.may_be_missing or os.path.lexists(table_path(results_dir, name, run, seed))
+        if not table.derived
+        and (not table.may_be_missing or os.path.lexists(table_path(results_dir, name, run, seed)))
     ]
+
+
+def inspect_derived(results_dir: Path, name: str, run: str, seed: int) -> Stored:
+    """Look whether a derived table is there, whole, and of the mission that is stored now.
+
+    Raises
+    ------
+    RunError
+        If the mission's curve cannot be read.
+    """
+    if not os.path.lexists(table_path(results_dir, name, run, seed)):
+        return Stored("missing")
+    of_mission = read_footer(table_path(results_dir, "curves", run, seed))
+    try:
+        _, footer = _read(results_dir, name, run, seed)
+    except RunError as error:
+        return Stored("broken", str(error))
+    if footer.mission != of_mission.mission:
+        return Stored("missing")  # of a flight before
+    return Stored("done", footer=footer)
 
 
 def disagreement(footers: Sequence[Footer]) -> str:
@@ -292,19 +313,39 @@ def save_mission(
         **_here_and_now(tables),
         **footer,
     }
+    # The curve comes last: where it is, all of the mission is.
+    laid_out = {name: table for name, table in reversed(vars(tables).items()) if table is not None}
+    _write_tables(results_dir, laid_out, run.name, seed, document)
+    with suppress(OSError):
+        failure_path(results_dir, run.name, seed).unlink(missing_ok=True)
+
+
+def save_derived(results_dir: Path, name: str, run: str, seed: int, table: pa.Table) -> None:
+    """Store a table that was computed from a stored mission, under the mission's own footer.
+
+    Raises
+    ------
+    RunError
+        If the mission's curve cannot be read, or the file cannot be written.
+    """
+    footer = read_footer(table_path(results_dir, "curves", run, seed))
+    _write_tables(results_dir, {name: table}, run, seed, footer.story())
+
+
+def _write_tables(
+    results_dir: Path, tables: dict[str, pa.Table], run: str, seed: int, document: dict[str, Any]
+) -> None:
+    """Write tables of a mission with a footer, all of them before any is seen, in their order."""
     written: dict[Path, Path] = {}
     try:
-        # The curve comes last: where it is, all of the mission is.
-        for name, table in reversed(vars(tables).items()):
-            if table is None:
-                continue
-            path = table_path(results_dir, name, run.name, seed)
+        for name, table in tables.items():
+            path = table_path(results_dir, name, run, seed)
             text = sealed({**document, "values_sha256": values_digest(table)})
             try:
                 read_document(text)
             except MisfitError as error:
                 raise RunError(
-                    f"{run.name} seed {seed} would not be read again, {error}: it is not stored"
+                    f"{run} seed {seed} would not be read again, {error}: it is not stored"
                 ) from error
             table = table.replace_schema_metadata({FOOTER: text})
             scratch = written[path] = _scratch(results_dir)
@@ -319,8 +360,6 @@ def save_mission(
         for scratch in written.values():
             with suppress(OSError):
                 scratch.unlink(missing_ok=True)
-    with suppress(OSError):
-        failure_path(results_dir, run.name, seed).unlink(missing_ok=True)
 
 
 def sealed(document: dict[str, Any]) -> bytes:
@@ -342,15 +381,15 @@ def _here_and_now(tables: MissionTables) -> dict[str, Any]:
     }
 
 
-def save_failure(results_dir: Path, run: str, seed: int, text: str) -> Path:
-    """Keep the traceback of a failed mission; returns its path.
+def save_failure(results_dir: Path, run: str, seed: int, text: str, what: str = "") -> Path:
+    """Keep the traceback of a failed mission, as `failure_path` names it; returns its path.
 
     Raises
     ------
     RunError
         If it cannot be written.
     """
-    path = failure_path(results_dir, run, seed)
+    path = failure_path(results_dir, run, seed, what)
     _write(results_dir, path, text.encode())
     return path
 

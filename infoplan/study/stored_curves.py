@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from infoplan.collapse import has_collapsed, spacing_of
+from infoplan.collapse import has_collapsed, is_rate_limited, rate_of, spacing_of, was_moving
 from infoplan.config import OwnModelConfig
 from infoplan.study.identity import Run
 from infoplan.study.store import read_footer, read_table, table_path
 from infoplan.study.study import Study
+
+HYPERPARAMETERS = ("amplitude", "lengthscale_1", "lengthscale_2", "noise_std")
+"""Columns of the curve that hold hyperparameters, of whatever kernel."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,38 @@ def ended_collapsed(results_dir: Path, run: str, seed: int, last: Mapping[Any, A
     lengthscales = [float(last[name]) for name in ("lengthscale_1", "lengthscale_2")]
     places = pilot[["x1", "x2"]].to_numpy()
     return has_collapsed(lengthscales, places, spacing_of(config, places))
+
+
+def ended_moving(results_dir: Path, run: str, seed: int, columns: Mapping[str, Any]) -> bool | None:
+    """Tell whether the hyperparameters of a stored mission were still on the way at its end.
+
+    Parameters
+    ----------
+    results_dir, run, seed
+        Which mission.
+    columns
+        Of its curve. Where they do not tell, because an older version has written it, the
+        hyperparameters and the configuration do.
+
+    Returns
+    -------
+    bool or None
+        As `infoplan.collapse.was_moving`.
+    """
+    told = columns.get("rate_limited")
+    if told is not None and not pd.isna(told).all():
+        return was_moving([None if pd.isna(epoch) else bool(epoch) for epoch in told])
+    model = read_footer(table_path(results_dir, "curves", run, seed)).config.model
+    if (rate := rate_of(model)) is None:
+        return None
+    names = [name for name in HYPERPARAMETERS if not np.isnan(columns[name]).any()]
+    rows = [dict(zip(names, row, strict=True))
+            for row in np.column_stack([columns[name] for name in names])]  # fmt: skip
+    steps = np.diff(columns["collected"])
+    if model.iterations != "per_sample":
+        steps[:] = model.iterations
+    pairs = zip(pairwise(rows), steps.tolist(), strict=True)
+    return was_moving([is_rate_limited(*pair, count, rate) for pair, count in pairs])
 
 
 def final_rmse(study: Study) -> list[float]:

@@ -8,12 +8,12 @@ from infoplan.samples import Samples
 from infoplan.study.estimate import Pace, kind_of
 from infoplan.study.flight import Task
 from infoplan.study.identity import Run
-from infoplan.study.store import Stored, inspect
+from infoplan.study.store import Stored, inspect, inspect_derived
 
 
 @dataclass
 class Study:
-    """A study of flights or replays: what it consists of, and what was done (`carry_out`).
+    """A study of flights, replays or refits: what it consists of, what was done (`carry_out`).
 
     Attributes
     ----------
@@ -31,6 +31,9 @@ class Study:
         Of a survey, its samples by batch; else None.
     origins
         Of a survey of several logs, where its samples come from; else None.
+    refit
+        Whether hyperparameters of stored missions are fit anew: what is wanted then, done and
+        stored are those.
     pace
         Seconds of all missions in the results.
     done
@@ -50,6 +53,7 @@ class Study:
     flown: str | None = None
     surveyed: Samples | None = None
     origins: Origins | None = None
+    refit: bool = False
     stored: dict[tuple[str, int], Stored] = field(default_factory=dict)
     pace: Pace = field(default_factory=Pace)
     done: set[tuple[str, int]] = field(default_factory=set)
@@ -72,12 +76,19 @@ class Study:
         missions.sort(key=lambda mission: -length[mission[0].name])
         flown = None if self.flown is None else (self.results_dir, self.flown)
         return [
-            Task(run, seed, number, flown, self.surveyed, self.origins)
+            Task(run, seed, number, flown, self.surveyed, self.origins,
+                 self.results_dir if self.refit else None)
             for number, (run, seed) in enumerate(missions)
-        ]
+        ]  # fmt: skip
 
     def look(self) -> None:
         """See what is stored of each mission."""
         for run, seeds in self.runs:
             for seed in seeds:
-                self.stored[run.name, seed] = inspect(self.results_dir, run.name, seed)
+                self.stored[run.name, seed] = self.inspect(run.name, seed)
+
+    def inspect(self, run: str, seed: int) -> Stored:
+        """See what is stored of a mission now: its tables, or its refits."""
+        if self.refit:
+            return inspect_derived(self.results_dir, "refits", run, seed)
+        return inspect(self.results_dir, run, seed)

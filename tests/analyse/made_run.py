@@ -275,6 +275,16 @@ def further_scores(
     }  # fmt: skip
 
 
+def rate_limited(before: Any, after: Any, configuration: dict[str, Any]) -> bool:
+    """Whether a logarithm moved by half of the learning rate an iteration, that of the variance."""
+    model = configuration["model"]
+    moved = [
+        abs(math.log(after[name]) - math.log(before[name])) * (2 if name == "noise_std" else 1)
+        for name in ("amplitude", "lengthscale_1", "lengthscale_2", "noise_std")
+    ]
+    return max(moved) >= 0.5 * model["learning_rate"] * model["iterations"]
+
+
 def fly(configuration: dict[str, Any], seed: int = SEED) -> dict[str, pd.DataFrame]:
     """Make the three tables of an honest mission."""
     rng = np.random.default_rng(seed)
@@ -363,6 +373,7 @@ def fly(configuration: dict[str, Any], seed: int = SEED) -> dict[str, pd.DataFra
                     )
                     < configuration["robot"]["speed"]
                 ),
+                "rate_limited": rate_limited(curve[-1], state, configuration) if curve else None,
                 "path_length": sum(
                     math.dist(a, b) for a, b in pairwise(samples[["x1", "x2"]].to_numpy())
                 ),

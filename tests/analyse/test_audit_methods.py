@@ -37,14 +37,15 @@ def store(config, terrain, folder, **groups):
 def touch(folder, table, name, column, change, among=None):
     """Change the last value that there is in a column, where another is true."""
     path = table_path(folder, table, name, 2)
-    footer = json.loads(pq.read_schema(path).metadata[b"infoplan"])
+    schema = pq.read_schema(path)
+    footer = json.loads(schema.metadata[b"infoplan"])
     frame = pd.read_parquet(path, partitioning=None)
     chosen = frame[column].where(frame[among]) if among else frame[column]
     row = chosen.last_valid_index()
     frame.loc[row, column] = change(frame.loc[row, column])
     texts = [key for key in frame if frame[key].dtype.kind not in "bif"]
     columns = {key: pa.array(frame[key].to_numpy()) for key in frame if key not in texts}
-    columns |= {key: pa.array(frame[key].tolist()) for key in texts}
+    columns |= {key: pa.array(frame[key].tolist(), schema.field(key).type) for key in texts}
     touched = pa.table({key: columns[key] for key in frame})
     text = sealed(footer | {"values_sha256": values_digest(touched)})
     pq.write_table(touched.replace_schema_metadata({b"infoplan": text}), path)

@@ -171,7 +171,7 @@ def fly(name: str, seed: int) -> dict[str, Any]:
 
 def plain(value: Any) -> float | None:
     """Write a number with the digits that every machine agrees on; None for NaN."""
-    return None if np.isnan(value) else float(f"{float(value):.12g}")
+    return None if value is None or np.isnan(value) else float(f"{float(value):.12g}")
 
 
 def difference(expected: dict[str, Any], found: dict[str, Any], rtol: float = 1e-6) -> str:

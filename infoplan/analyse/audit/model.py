@@ -1,6 +1,6 @@
 """Checks of what the model predicts: hyperparameters, scores, the final and earlier models."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
 from typing import Any
@@ -90,6 +90,7 @@ def check_hyperparameters(mission: StoredMission) -> str | Partial:
             values = untouched[name].to_numpy()
             demand_close(f"{name} of untrained epoch", values, expected, ROUNDING * expected)
     _check_collapse(mission)
+    _check_rate_limit(mission, names)
     last = curves.iloc[-1]
     return "at the end " + ", ".join(f"{name} {last[name]:.4g}" for name in [*names, "jitter"])
 
@@ -130,6 +131,28 @@ def _check_collapse(mission: StoredMission) -> None:
         lambda e: (
             f"epoch {e} has collapsed {said[e]}, with a lengthscale of {smaller[e]:.4g} "
             f"workspace units and samples {speed:g} apart"
+        ),
+    )
+
+
+def _check_rate_limit(mission: StoredMission, names: Sequence[str]) -> None:
+    """Check in which epochs hyperparameters are said to have moved about as far as they can."""
+    said = mission.curves["rate_limited"]
+    if said.isna().all():  # of an older version, or nothing limits them
+        return
+    theta = np.log(mission.curves[list(names)].to_numpy(dtype=float))
+    theta[:, list(names).index("noise_std")] *= 2.0  # the variance is learned
+    moved = np.abs(theta[1:] - theta[:-1]).max(axis=1)
+    wanted = mission.option("model.iterations")
+    steps = np.diff(mission.curves["collected"]) if wanted == "per_sample" else float(wanted)
+    limit = 0.5 * float(mission.option("model.learning_rate")) * steps
+    found = said.to_numpy()[1:].astype(bool)
+    # At the very limit rounding decides.
+    demand(
+        (found == (moved >= limit)) | (np.abs(moved - limit) <= 1e-9 * (1 + np.abs(theta).max())),
+        lambda e: (
+            f"epoch {e + 1} has rate_limited {found[e]}, where a hyperparameter moved by "
+            f"{moved[e]:.4g}"
         ),
     )
 
