@@ -145,6 +145,9 @@ PAPERS_CHOICES = {
 }
 """Planner and detector of each of them."""
 
+PAPERS_FOUR = {"UCT-NONE", "UCT-BEST", "UCT-COPOD", "PUCT-COPOD"}
+"""Those that the paper compares."""
+
 OTHERS = (
     "#551302", "#210784", "#73474C", "#A664FE", "#032EBB", "#4A2F4C", "#88647F", "#B44E32",
     "#932F11", "#5E4784", "#77AF76", "#653BD6", "#361E57", "#591F97", "#D696C6", "#7F8ACC",

@@ -183,9 +183,9 @@ def stored_choice(values: Mapping[str, Any]) -> str:
     values
         What `stored_methods` gave for its group.
     """
+    name = str(values["name"])
     if "function" in values:
         return "own"
-    name = str(values["name"])
     return "pyod" if name.startswith("pyod_") else name
 
 

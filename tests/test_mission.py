@@ -5,6 +5,7 @@ import math
 import warnings
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -322,6 +323,8 @@ def test_detectors_that_draw_are_repeated_by_their_seed(small, volcano):
 
 class Beside:
     """A model that predicts one value everywhere; like one of the user's."""
+
+    hyperparameters = SimpleNamespace(amplitude=1.0)
 
     def __init__(self, x, y, *, mean=0.0, std=1.0):
         self.answer = mean, std

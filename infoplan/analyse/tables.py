@@ -22,6 +22,7 @@ from infoplan.method_identity import (
     GP,
     NEVER_ERRS,
     PAPERS_CHOICES,
+    PAPERS_FOUR,
     REPLAY,
     labels,
     method_of,
@@ -260,7 +261,7 @@ def _papers_methods(selection: Selection) -> Selection:
     methods = {run: method_of(flat) for run, flat in selection.options.items()}
     named = {run: replace(one, model=GP).label for run, one in methods.items()}
     own = {one.model for one in methods.values()} == {GP}
-    if own or len(models) > 1 or not set(named.values()) <= set(PAPERS_CHOICES):
+    if own or len(models) > 1 or not PAPERS_FOUR <= set(named.values()) <= set(PAPERS_CHOICES):
         return selection
     missions = selection.missions.assign(method=selection.missions["run"].map(named))
     note = f"all missions have model={models.pop()}"

@@ -171,7 +171,7 @@ def fly(task: Task, report: Report | None = None) -> Outcome:
     except BaseException as error:
         _end_if_forked(process)
         return failed(task, error, time.perf_counter() - clock)
-    return Outcome(task, time.perf_counter() - clock, tables, footer)
+    return Outcome(task, time.perf_counter() - clock, tables, footer=footer)
 
 
 def _states(task: Task) -> Iterator["State"]:

@@ -71,7 +71,11 @@ def forge(folder: Path, table: str, column: str, change, redo: bool) -> bool:
     path = table_path(folder, table)
     stored = pq.ParquetFile(path).read()
     values = stored[column].to_numpy()
-    if values.dtype.kind == "O":
+    if pa.types.is_boolean(stored.schema.field(column).type) and values.dtype.kind == "O":
+        # With nulls.
+        turned = np.array([None if value is None else not value for value in values])
+        changed = {exchanged: exchanged(values), negated: turned}.get(change, values)
+    elif values.dtype.kind == "O":
         changed = np.array([f"{text}x" for text in values]) if change is halved else values
     elif values.dtype.kind == "b":
         changed = exchanged(values) if change is exchanged else values
