@@ -106,7 +106,7 @@ def collapse_sentence(ends: Sequence[bool | None]) -> str:
     count, known = counted_ends(ends)
     if not count:
         return ""
-    missions = f"{count} of {known} missions end" if known > 1 else "the mission ends"
+    missions = _missions_end(count, known)
     whose = "their model has" if count > 1 else "its model has"
     return (
         f"{missions} with a lengthscale below the distance of two samples: {whose} collapsed; try "
@@ -188,8 +188,11 @@ def moving_sentence(ends: Sequence[bool | None]) -> str:
     count, known = counted_ends(ends)
     if not count:
         return ""
-    missions = f"{count} of {known} missions end" if known > 1 else "the mission ends"
     return (
-        f"{missions} with hyperparameters that still move about as fast as model.learning_rate "
-        "lets them: learning is not finished, and infoplan explain tells what that costs"
+        f"{_missions_end(count, known)} with hyperparameters that still move about as fast as "
+        "model.learning_rate lets them: learning is not finished, and infoplan explain tells what that costs"
     )
+
+
+def _missions_end(count: int, known: int) -> str:
+    return f"{count} of {known} missions end" if known > 1 else "the mission ends"

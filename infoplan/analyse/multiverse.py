@@ -154,13 +154,6 @@ def _slack(item: Comparison) -> float:
     return min(item.effect.mean - item.stated.low, item.stated.high - item.effect.mean)
 
 
-def shares(curves: Sequence[ClaimCurve]) -> pd.DataFrame:
-    """Shares of universes by claim (index) and verdict (columns)."""
-    verdicts = ("supported", "undecided", "contradicted")
-    rows = {one.name: [one.share(verdict) for verdict in verdicts] for one in curves}
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(verdicts))
-
-
 def effects_alone(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
     """How much every level alone moves a claim's effect from that of the defaults.
 

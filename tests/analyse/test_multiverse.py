@@ -18,7 +18,6 @@ from infoplan.analyse.multiverse import (
     nearest_tenth,
     nearness,
     pairs_of_choices,
-    shares,
 )
 from infoplan.study.universes import CHOICES, DEFAULT, JOINT, joint_universes, universes
 
@@ -59,7 +58,7 @@ def test_a_claim_is_judged_in_every_universe(multiverse):
     holds = ends - 400.0 < MARGIN
     expected = np.where(holds, "supported", "contradicted")
     assert list(third.verdicts) == expected.tolist()
-    assert shares([third]).loc["C7", "supported"] == pytest.approx(holds.mean())
+    assert third.share("supported") == pytest.approx(holds.mean())
 
 
 def test_a_level_alone_is_compared_with_the_defaults_by_seed(multiverse):
