@@ -190,7 +190,8 @@ def moving_sentence(ends: Sequence[bool | None]) -> str:
         return ""
     return (
         f"{_missions_end(count, known)} with hyperparameters that still move about as fast as "
-        "model.learning_rate lets them: learning is not finished, and infoplan explain tells what that costs"
+        "model.learning_rate lets them: learning is not finished, and infoplan explain tells what "
+        "that costs"
     )
 
 
