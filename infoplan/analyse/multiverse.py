@@ -183,27 +183,32 @@ def effects_of_rules(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
     """
     rows = []
     for choice, levels in RULES.items():
-        compared = {
-            level: _compared(curve.name, multiverse.judged_by(rules))
-            for level, rules in levels.items()
-        }
-        judged = {
-            level: _curve(curve.name, there, curve.binding)
-            for level, there in compared.items() if there
-        }  # fmt: skip
-        if choice != "margin" and len({one.what for one in judged.values()}) == 1:
+        if choice == "early samples" and not _uses_early(curve, multiverse):
             continue
-        for level, other in judged.items():
-            place = other.universes.index(DEFAULT) if DEFAULT in other.universes else None
-            moved = mean_interval(
-                [] if place is None else other.effects[place] - _default_effects(curve)
-            )
+        for level, rules in levels.items():
+            other = curve
+            if rules != USUAL:
+                compared = _compared(curve.name, multiverse.judged_by(rules))
+                if not compared:
+                    continue
+                other = _curve(curve.name, compared, curve.binding)
+            verdict, moved = "", mean_interval([])
+            if DEFAULT in other.universes and DEFAULT in curve.universes:
+                verdict = other.verdicts[other.universes.index(DEFAULT)]
+                moved = mean_interval(_default_effects(other) - _default_effects(curve))
             rows.append(
                 {"choice": choice, "level": level, "mean": moved.mean, "low": moved.low,
-                 "high": moved.high, "verdict": "" if place is None else other.verdicts[place],
-                 **{verdict: other.verdicts.count(verdict) for verdict in VERDICTS}}
+                 "high": moved.high, "verdict": verdict,
+                 **{one: other.verdicts.count(one) for one in VERDICTS}}
             )  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def _uses_early(curve: ClaimCurve, multiverse: Multiverse) -> bool:
+    """Tell whether a claim compares numbers of early samples."""
+    first, compare = curve.universes[0], COMPARISONS[curve.name]
+    by = [multiverse.judged_by(rules)[first] for rules in RULES["early samples"].values()]
+    return len({one.what for numbers in by for one in compare(numbers)}) > len(compare(by[0]))
 
 
 def _default_effects(curve: ClaimCurve) -> Floats:

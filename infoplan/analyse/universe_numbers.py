@@ -86,14 +86,18 @@ class Multiverse:
 
     def judged_by(self, rules: Rules) -> dict[str, "OfUniverse"]:
         """Give the numbers of each universe by other rules, of `EARLY_WINDOWS` and any margin."""
+        return {
+            name: OfUniverse(found, self.unit, self.deviation, rules)
+            for name, found in self._runs.items()
+        }
+
+    @cached_property
+    def _runs(self) -> dict[str, dict[tuple[str, float, str], pd.DataFrame]]:
         runs: dict[str, dict[tuple[str, float, str], pd.DataFrame]] = {}
         grouped: Any = self.missions.set_index("seed").groupby(list(LABELS[:-1]), sort=False)
         for (universe, method, rho, scope), rows in grouped:
             runs.setdefault(universe, {})[method, rho, scope] = rows
-        return {
-            name: OfUniverse(found, self.unit, self.deviation, rules)
-            for name, found in runs.items()
-        }
+        return runs
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,7 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
 def write(multiverse: Multiverse, path: Path) -> None:
     """Write the missions as Parquet, with what they have in common in its metadata."""
     about = {name: value for name, value in vars(multiverse).items()
-             if name not in ("missions", "numbers")}  # fmt: skip
+             if name not in ("missions", "numbers", "_runs")}  # fmt: skip
     table = pa.Table.from_pandas(multiverse.missions, preserve_index=False)
     for place, field in enumerate(table.schema):
         if field.type == pa.list_(pa.float64()):
