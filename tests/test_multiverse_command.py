@@ -139,7 +139,7 @@ def test_a_claim_tells_what_moves_it_and_draws_the_choices_below_its_curve(tmp_p
     assert re.search(r"noise +floor 1 +5\d\d \[.*\] +undecided|noise +floor 1 +5\d\d", out)
     assert re.search(r"noise x pilot|pilot x noise", out)
     assert re.search(r"margin +10 % +0 \[0, 0\] +contradicted", out)
-    assert "100 % of the universes on one side of zero, p 0.0312" in " ".join(out.split())
+    assert "p 0.0312; 100 % of the universes on one side of zero" in " ".join(out.split())
     assert (tmp_path / "figures" / "multiverse_c7.png").exists()
     assert main(["multiverse", "claim=C13", f"table={table}"]) == 2
     assert "C1, C2" in capsys.readouterr().err
@@ -169,7 +169,7 @@ def test_scripts_are_told_how_claims_fare(tmp_path, capsys):
     points = told["claims"][6]["points"]
     assert [point["verdict"] for point in points] == list(curve.verdicts)
     assert [point["mean"] for point in points] == pytest.approx(curve.means, rel=1e-3)
-    assert told["claims"][6]["test"]["positive"] == 1.0
+    assert told["claims"][6]["test"]["one_side"] == 1.0
     assert list(told["universes"]) == list(curve.universes)
     assert not (tmp_path / "multiverse.html").exists()
     assert main(["multiverse", "--json", "claim=C7", f"table={table}"]) == 2

@@ -117,9 +117,9 @@ class JointTest:
     median, p_median
         Median over universes of the mean effect, and how often that of flipped signs is as far
         from zero.
-    positive, p_positive
-        Larger share of universes on one side of zero, and how often that of flipped signs is as
-        large.
+    one_side
+        Larger share of universes whose mean effect is on one side of zero. It is no test: universes
+        that share their seeds mostly stay on one side when signs are flipped, too.
     mean_t, p_mean_t
         Mean over universes of Student's t, and how often that of flipped signs is as far from zero.
     flips
@@ -129,8 +129,7 @@ class JointTest:
 
     median: float
     p_median: float
-    positive: float
-    p_positive: float
+    one_side: float
     mean_t: float
     p_mean_t: float
     flips: int
@@ -348,24 +347,24 @@ def joint_test(curve: ClaimCurve) -> JointTest:
     effects = curve.effects[:, np.isfinite(curve.effects).all(axis=0)]
     n = effects.shape[1]
     if n < 2:
-        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, 0)
     signs = np.array(list(product((1.0, -1.0), repeat=n)))
-    medians, shares_, mean_ts = (np.empty(len(signs)) for _ in range(3))
+    medians, mean_ts = (np.empty(len(signs)) for _ in range(2))
     for place, flipped in enumerate(signs):
         values = effects * flipped
         means = values.mean(axis=1)
         errors = np.maximum(values.std(axis=1, ddof=1), np.finfo(float).tiny) / np.sqrt(n)
         medians[place] = np.median(means)
-        shares_[place] = max(np.mean(means > 0), np.mean(means < 0))
         mean_ts[place] = np.mean(means / errors)
 
     def p(values: Floats) -> float:
         return float(np.mean(np.abs(values) >= abs(values[0]) * (1.0 - 1e-12)))
 
+    means = effects.mean(axis=1)
+    one_side = float(max(np.mean(means > 0), np.mean(means < 0)))
     return JointTest(
-        float(medians[0]), p(medians), float(shares_[0]), p(shares_), float(mean_ts[0]),
-        p(mean_ts), len(signs),
-    )  # fmt: skip
+        float(medians[0]), p(medians), one_side, float(mean_ts[0]), p(mean_ts), len(signs)
+    )
 
 
 def nearness(multiverse: Multiverse) -> pd.DataFrame:

@@ -263,7 +263,7 @@
     const test = claim.test;
     part("joint-test").textContent = test.flips
       ? `Over all universes at once, by ${test.flips} sign flips of the seeds: median effect ${withUnit(shown(test.median))}, p ${shown(test.p_median)}; ` +
-        `${Math.round(100 * test.positive)} % of the universes on one side of zero, p ${shown(test.p_positive)}; mean t ${shown(test.mean_t)}, p ${shown(test.p_mean_t)}.`
+        `mean t ${shown(test.mean_t)}, p ${shown(test.p_mean_t)}; ${Math.round(100 * test.one_side)} % of the universes on one side of zero.`
       : "Of a single seed there is no test over all universes.";
     part("rules").replaceChildren(...claim.rules.map((row) => element("li", {},
       `${row.choice} ${row.level}: supported in ${row.supported}, contradicted in ${row.contradicted}, undecided in ${row.undecided} universes`)));

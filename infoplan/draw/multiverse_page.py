@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import pandas as pd
+
 from infoplan.analyse.multiverse import ClaimCurve, JointTest
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.multiverse_page_data import Moved, page_data
@@ -54,7 +56,7 @@ def _summary(
         return "<p>No universe has the runs of a claim.</p>"
     headings = ["claim", "median effect", "supported", "contradicted", "undecided", "by default",
                 f"supported in the {len(nearest)} nearest to the clip", "p of the median",
-                "on one side of zero, p", "mean t, p"]  # fmt: skip
+                "on one side of zero", "mean t, p"]  # fmt: skip
     rows = []
     for curve in curves:
         near = [v for n, v in zip(curve.universes, curve.verdicts, strict=True) if n in nearest]
@@ -74,11 +76,11 @@ def _most(curves: Sequence[ClaimCurve]) -> int:
 
 
 def test_words(test: JointTest) -> tuple[str, str]:
-    """Write the share on one side of zero and the mean t of a joint test, each with its p."""
+    """Write the share on one side of zero, and the mean t of a joint test with its p."""
     if not test.flips:
         return "–", "–"
     return (
-        f"{100 * test.positive:.0f} %, {figure(test.p_positive)}",
+        f"{100 * test.one_side:.0f} %",
         f"{figure(test.mean_t)}, {figure(test.p_mean_t)}",
     )
 
@@ -90,21 +92,19 @@ def _shares(moved: Mapping[str, Moved]) -> str:
         return (
             "<p>There are too few universes to tell what moves claims whatever the others are.</p>"
         )
-    once = {
-        name: table.drop_duplicates("choice").set_index("choice") for name, table in known.items()
+    shares = {name: _share_words(table) for name, table in known.items()}
+    rows = [[one.name, *(words.get(one.name, "–") for words in shares.values())] for one in CHOICES]
+    caption = (
+        "Share of a claim's variance over universes that only this choice explains; * p below 0.05 "
+        "by Holm"
+    )
+    return html_table(["choice", *shares], rows, caption=caption)
+
+
+def _share_words(jointly: pd.DataFrame) -> dict[str, str]:
+    """Write the share of each choice, with a star where it is sure."""
+    once = jointly.drop_duplicates("choice")
+    return {
+        str(choice): f"{100 * share:.0f} %{'*' if p <= 0.05 else ''}"
+        for choice, share, p in zip(once["choice"], once["share"], once["p"], strict=True)
     }
-    rows = [
-        [
-            choice.name,
-            *(
-                f"{100 * table.loc[choice.name, 'share']:.0f} %"
-                f"{'*' if table.loc[choice.name, 'p'] <= 0.05 else ''}"
-                if choice.name in table.index
-                else "–"
-                for table in once.values()
-            ),
-        ]
-        for choice in CHOICES
-    ]
-    return html_table(["choice", *once], rows, caption="Share of a claim's variance over universes "
-                      "that only this choice explains; * p below 0.05 by Holm")  # fmt: skip

@@ -120,8 +120,8 @@ def _all_at_once(test: JointTest, unit: str) -> str:
     return (
         f"over all universes at once, by {test.flips} sign flips of the seeds: median effect "
         f"{figure(test.median)}{f' {unit}' if unit else ''}, p {figure(test.p_median)}; "
-        f"{100 * test.positive:.0f} % of the universes on one side of zero, p "
-        f"{figure(test.p_positive)}; mean t {figure(test.mean_t)}, p {figure(test.p_mean_t)}"
+        f"mean t {figure(test.mean_t)}, p {figure(test.p_mean_t)}; {100 * test.one_side:.0f} % of "
+        "the universes on one side of zero"
     )
 
 

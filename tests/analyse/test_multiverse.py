@@ -155,6 +155,7 @@ def test_the_joint_test_flips_the_seeds_of_all_universes_together():
         ts.append(np.mean(values.mean(axis=1) / errors))
     assert found.flips == 64
     assert found.median == pytest.approx(np.median(curve.means))
+    assert found.one_side == max(np.mean(curve.means > 0), np.mean(curve.means < 0))
     assert found.p_median == np.mean(np.abs(medians) >= abs(found.median) - 1e-9)
     assert found.p_mean_t == np.mean(np.abs(ts) >= abs(found.mean_t) - 1e-9)
 

@@ -207,7 +207,8 @@ def test_a_narrow_screen_needs_no_scrolling_sideways(browser, width):
     smallest = browser.js(
         "return Math.min(...[...document.querySelectorAll('.plot text, td, p, li')]"
         ".filter((one) => one.getClientRects().length)"
-        ".map((one) => parseFloat(getComputedStyle(one).fontSize) * (one.getCTM ? one.getCTM().a : 1)))"
+        ".map((one) => parseFloat(getComputedStyle(one).fontSize)"
+        " * (one.getCTM ? one.getCTM().a : 1)))"
     )
     assert smallest >= 9.9
     overlapping = browser.js(
