@@ -132,8 +132,8 @@ def tour(results_dir: Path, budget: int, seeds: int, backend: str) -> Iterator[S
     )
     yield Step(
         "What the mission was like",
-        "The error falls with the samples; below, which spikes the detector has found, which it "
-        "has missed, and where the time went.",
+        "How the error went as samples came in, which spikes the detector has found and which it "
+        "has missed, and where the time went. A mission this short ends before all is learned.",
         (as_command(f"infoplan show {missions.missions['run'][0]}", results_dir),),
     )
     yield Step(
@@ -197,8 +197,8 @@ def _survey_steps(results_dir: Path) -> Iterator[Step]:
 
 def _opened(page: Path) -> bool:
     """Open a page in the browser of whoever sits at the terminal; False where there is none."""
-    screen = {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ) or not sys.platform.startswith("linux")
-    if not (screen and sys.stdout.isatty()):
+    windows = {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ) or sys.platform != "linux"
+    if not (windows and sys.stdout.isatty()):
         return False
     try:
         return webbrowser.get().open(page.as_uri())

@@ -8,7 +8,7 @@ import pandas as pd
 
 from infoplan.analyse.commands import commands
 from infoplan.analyse.curves import EARLY, LATE
-from infoplan.analyse.judging import Claim, Comparison, Stated, corrected, with_holm
+from infoplan.analyse.judging import Claim, Claims, Comparison, Stated, corrected, with_holm
 from infoplan.analyse.measures import MARGIN, Measures
 from infoplan.analyse.tables import Selection
 
@@ -61,7 +61,7 @@ SHARES = ("precision", "recall_lost", "returned")
 """Numbers without a unit."""
 
 
-def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Claim]:
+def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> Claims:
     """Judge the paper's claims by the stored results.
 
     Parameters
@@ -74,8 +74,8 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
 
     Returns
     -------
-    list of Claim
-        In the order of the names, with Holm's correction over all of them.
+    Claims
+        A list of `Claim` in the order of the names, with Holm's correction over all of them.
     """
     measures = Measures(selection)
     claims = []
@@ -86,7 +86,7 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
         cures = commands(selection, measures.missing)
         where = WHERE.get(name, "rho 0.1, batch")
         claims.append(Claim(name, TEXTS[name], made, cures, where, measures.collapsed()))
-    return with_holm(claims)
+    return Claims(with_holm(claims))
 
 
 class Numbers(Protocol):
