@@ -58,14 +58,20 @@ class Frames:
     def _repr_html_(self) -> str:
         """Sum up the mission in a notebook; `infoplan.plot_mission` draws it."""
         last = self.curves.iloc[-1]
+        flagged = self.samples["flagged"].astype(bool)
+        outlier = self.samples["is_outlier"]
+        found = ""
+        if outlier.notna().all():
+            spikes = outlier.astype(bool)
+            hits, missed = (flagged & spikes).sum(), (spikes & ~flagged).sum()
+            found = f", {hits} of them outliers; {missed} outliers missed"
         facts = {
             "mission": f"planner {last['planner']}, detector {last['detector']} "
                        f"({last['scope']}), rho {last['rho']:g}, {last['terrain']}, "
                        f"seed {last['seed']}",
             "samples": f"{last['collected']} collected, {last['accepted']} in the model",
             "RMSE": figure(float(last["rmse"])) or "unknown",
-            "flags": f"{last['tp']} of outliers, {last['fp']} of others; {last['fn']} outliers "
-                     "missed",
+            "flags": f"{flagged.sum()} samples{found}",
         }  # fmt: skip
         return html_facts(repr(self), facts)
 

@@ -152,8 +152,8 @@ def tour(results_dir: Path, budget: int, seeds: int, backend: str) -> Iterator[S
         (of_study("figures fig3 fig6"),),
     )
     few = (
-        f"{counted(seeds, 'seed')} are too few for any verdict: {SEEDS_NEEDED} are needed, and "
-        "the paper flies ten. "
+        f"{counted(seeds, 'seed is', 'seeds are')} too few for any verdict: {SEEDS_NEEDED} are "
+        "needed, and the paper flies ten. "
         if seeds < SEEDS_NEEDED
         else ""
     )

@@ -77,7 +77,7 @@ def plot_curves(selection: Selection, *, single_seeds: bool = False) -> "Figure"
     Returns
     -------
     matplotlib.figure.Figure
-        Mean over seeds with its pointwise 95 % t interval, a panel for each outlier share and scope.
+        Mean over seeds, its pointwise 95 % t interval, a panel for each outlier share and scope.
 
     Raises
     ------
@@ -120,6 +120,6 @@ def plot_survey(selection: Selection) -> "Figure":
     origins = read_origins(selection.results_dir, str(row["run"]), int(row["seed"]))
     if origins is not None:
         samples[LOG] = origins["log"]
-    place = selection.terrain
+    place = selection.terrain.removeprefix("survey-")
     with style.journal():
         return survey_figure(samples, maps, place, selection.unit)[0]
