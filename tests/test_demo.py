@@ -85,6 +85,7 @@ def test_a_second_tour_runs_what_it_prints_and_flies_nothing(
     assert said.rstrip().endswith(str(toured / "report.html"))
 
 
+@pytest.mark.long
 def test_another_budget_in_the_same_folder_stays_apart(toured, capfd):
     assert main(["demo", f"results_dir={toured}", *TINY[1:], "budget=140"]) == 0
     said = capfd.readouterr().out
