@@ -48,7 +48,7 @@ def draw_survey(
     samples, maps
         Its tables; the samples of several logs with a column ``log``.
     folder
-        Where ``picture.png``, the same as PDF, and the samples that are drawn as CSV land.
+        Where ``picture.png`` and the samples that are drawn, as CSV, land.
     place, unit
         The log's name, and the unit of its values.
 
@@ -64,7 +64,7 @@ def draw_survey(
     """
     with style.journal():
         drawing, numbers = survey_figure(samples, maps, place, unit)
-        return style.save(drawing, folder, "picture", numbers)
+        return style.save(drawing, folder, "picture", numbers, style.FIELD)
 
 
 def survey_figure(
