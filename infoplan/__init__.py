@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from infoplan.api import Frames, Mission, as_samples, configure, fly, frames, workspace
     from infoplan.config import MissionConfig
     from infoplan.errors import RunError, UsageError
+    from infoplan.plots import plot_curves, plot_mission, plot_survey, plot_terrain
     from infoplan.samples import Batch, Samples
     from infoplan.scoring import CurveRow
     from infoplan.terrain import Terrain, load_terrain
@@ -26,6 +27,7 @@ _HOMES = {
     "api": ("Frames", "Mission", "as_samples", "configure", "fly", "frames", "workspace"),
     "config": ("MissionConfig",),
     "errors": ("RunError", "UsageError"),
+    "plots": ("plot_curves", "plot_mission", "plot_survey", "plot_terrain"),
     "samples": ("Batch", "Samples"),
     "scoring": ("CurveRow",),
     "terrain": ("Terrain", "load_terrain"),
@@ -46,6 +48,10 @@ __all__ = [
     "fly",
     "frames",
     "load_terrain",
+    "plot_curves",
+    "plot_mission",
+    "plot_survey",
+    "plot_terrain",
     "workspace",
 ]
 

@@ -11,6 +11,8 @@ from infoplan.config import Config, MissionConfig, validate
 from infoplan.culprit import culprit_named
 from infoplan.errors import UsageError
 from infoplan.extent import checked_extent
+from infoplan.html_table import html_facts
+from infoplan.methods import method_label
 from infoplan.mission import explore
 from infoplan.mission_cost import check_mission
 from infoplan.obstacles import obstacles_of
@@ -20,6 +22,7 @@ from infoplan.simulator import Simulator
 from infoplan.terrain import Terrain, load_terrain
 from infoplan.terrain.surface import array_digest
 from infoplan.text_options import as_value, renamed
+from infoplan.wording import counted, figure, harmless
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,6 +54,26 @@ class Frames:
         """Sum up in a line."""
         rows = ", ".join(f"{name}: {len(table)} rows" for name, table in vars(self).items())
         return f"Frames({rows})"
+
+    def _repr_html_(self) -> str:
+        """Sum up the mission in a notebook; `infoplan.plot_mission` draws it."""
+        last = self.curves.iloc[-1]
+        flagged = self.samples["flagged"].astype(bool)
+        outlier = self.samples["is_outlier"]
+        found = ""
+        if outlier.notna().all():
+            spikes = outlier.astype(bool)
+            hits, missed = (flagged & spikes).sum(), (spikes & ~flagged).sum()
+            found = f", {hits} of them outliers; {missed} outliers missed"
+        facts = {
+            "mission": f"planner {last['planner']}, detector {last['detector']} "
+                       f"({last['scope']}), rho {last['rho']:g}, {last['terrain']}, "
+                       f"seed {last['seed']}",
+            "samples": f"{last['collected']} collected, {last['accepted']} in the model",
+            "RMSE": figure(float(last["rmse"])) or "unknown",
+            "flags": f"{flagged.sum()} samples{found}",
+        }  # fmt: skip
+        return html_facts(repr(self), facts)
 
 
 def configure(*overrides: str, **options: Any) -> MissionConfig:
@@ -154,6 +177,27 @@ class Mission:
         self.seed = seed
         self._simulator = Simulator(config, terrain, seed)
         self._told: tuple[Belief, Batch] | None = None
+
+    def __repr__(self) -> str:
+        """Sum up in a line."""
+        return harmless(
+            f"Mission({method_label(self.config.planner)}, {method_label(self.config.detector)} on "
+            f"{self.terrain.name}, seed {self.seed}: {self.collected} of {self.config.budget} "
+            f"samples, {counted(self.epoch, 'epoch')})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show in a notebook how far it is."""
+        config = self.config
+        facts = {
+            "planner": method_label(config.planner),
+            "detector": f"{method_label(config.detector)} ({config.detector.scope})",
+            "model": method_label(config.model),
+            "terrain": self.terrain.name,
+            "samples": f"{self.collected} of {config.budget}",
+            "epochs": self.epoch,
+        }
+        return html_facts(f"Mission, seed {self.seed}", facts)
 
     @property
     def collected(self) -> int:

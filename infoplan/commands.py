@@ -172,6 +172,25 @@ def command_on_runs(name: str, **attributes: Any) -> Callable[[Function], click.
 
 
 @infoplan.command(
+    "demo", cls=Command,
+    help="Take a tour of a minute: a small study, from mission to report, and its commands.",
+    examples=["infoplan demo", "infoplan demo results_dir=tour budget=200 --no-open"],
+)  # fmt: skip
+@setting("results_dir", UserPath(folder=True), "folder of all that it makes",
+         default="infoplan-demo")  # fmt: skip
+@setting("budget", click.IntRange(min=1), "samples of a mission", default=300)
+@setting("seeds", click.IntRange(min=1), "missions of each method", default=2)
+@setting("backend", click.Choice(["loky", "sequential"]), "worker processes, or one mission after "
+         "the other in this one", default="loky")  # fmt: skip
+@click.option("--no-open", "unopened", is_flag=True, help="leave the browser alone")
+def demo(results_dir: Path, budget: int, seeds: int, backend: str, unopened: bool) -> int:
+    """Take the tour."""
+    from infoplan.demo_command import demo
+
+    return demo(results_dir, budget, seeds, backend, not unopened, call)
+
+
+@infoplan.command(
     "run", cls=Command, more=options_of("RUN"),
     help="Run one configuration with all its seeds, or with -m every combination of values.",
     examples=["infoplan run planner=puct detector=copod rho=0.1",

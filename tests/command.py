@@ -38,7 +38,7 @@ def infoplan(
 
 
 COMMANDS = (
-    "run|replay|survey|next|status|show|figures|claims|explain|leaderboard|report|audit|animate|"
+    "demo|run|replay|survey|next|status|show|figures|claims|explain|leaderboard|report|audit|animate|"
     "terrain"
 )
 

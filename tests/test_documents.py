@@ -38,8 +38,8 @@ LINES = [
     if line and not line.startswith("#")
 ]
 SPREAD = "backend=dask|hydra/launcher="
-SLOW = f"{SPREAD}|mtsthelens_after|=mp4"
-"""What needs a download or ffmpeg is left to the tests of these."""
+SLOW = f"{SPREAD}|mtsthelens_after|=mp4|^infoplan demo"
+"""What needs a download, ffmpeg or a minute is left to the tests of these."""
 COMMANDS = [line for line in LINES if line.startswith("infoplan ") and not re.search(SLOW, line)]
 CLUSTERS = [line for line in LINES if re.search(SPREAD, line)]
 HERE = [line for line in CLUSTERS if not re.search("scheduler=|slurm", line)]

@@ -12,7 +12,7 @@ import pytest
 from setuptools.command.egg_info import FileList
 
 ROOT = Path(__file__).parents[1]
-DATA = {".py", ".yaml", ".json", ".html", ".css", ".js", ".png", ".gif", ".ipynb", ".md"}
+DATA = {".py", ".yaml", ".json", ".html", ".css", ".js", ".png", ".gif", ".ipynb", ".md", ".csv"}
 
 
 def wanted() -> set[str]:

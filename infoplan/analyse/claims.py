@@ -11,6 +11,7 @@ from infoplan.analyse.curves import LATE
 from infoplan.analyse.judging import (
     USUAL,
     Claim,
+    Claims,
     Comparison,
     Rules,
     Stated,
@@ -72,7 +73,7 @@ SHARES = ("precision", "recall_lost", "returned")
 
 def judge_claims(
     selection: Selection, names: Iterable[str] = TEXTS, rules: Rules = USUAL
-) -> list[Claim]:
+) -> Claims:
     """Judge the paper's claims by the stored results.
 
     Parameters
@@ -87,8 +88,8 @@ def judge_claims(
 
     Returns
     -------
-    list of Claim
-        In the order of the names, with Holm's correction over all of them.
+    Claims
+        A list of `Claim` in the order of the names, with Holm's correction over all of them.
     """
     measures = Measures(selection, rules)
     claims = []
@@ -99,7 +100,7 @@ def judge_claims(
         cures = commands(selection, measures.missing)
         where = WHERE.get(name, "rho 0.1, batch")
         claims.append(Claim(name, TEXTS[name], made, cures, where, measures.collapsed()))
-    return with_holm(claims)
+    return Claims(with_holm(claims))
 
 
 class Numbers(Protocol):

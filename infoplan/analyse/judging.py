@@ -22,7 +22,8 @@ from infoplan.analyse.statistics import (
     sign_flip_test,
     t_test,
 )
-from infoplan.wording import harmless
+from infoplan.html_table import html_table
+from infoplan.wording import counted, harmless, interval
 
 SUPPORTED, CONTRADICTED, UNDECIDED, MISSING = "supported", "contradicted", "undecided", "missing"
 
@@ -179,6 +180,10 @@ class Claim:
         """Say in a line what is claimed, and the verdict."""
         return harmless(f"Claim({self.name} {self.verdict}: {self.text})")
 
+    def _repr_html_(self) -> str:
+        """Show it with its comparisons in a notebook."""
+        return claims_page([self], repr(self))
+
     @property
     def verdict(self) -> str:
         """Supported, contradicted, undecided or missing."""
@@ -203,6 +208,41 @@ class Claim:
     def seeds(self) -> int:
         """Fewest seeds of its comparisons."""
         return min(len(one.values) for one in self.comparisons)
+
+
+class Claims(list[Claim]):
+    """Claims that were judged together; a notebook shows them as a table."""
+
+    def _repr_html_(self) -> str:
+        """Show the claims with their comparisons in a notebook."""
+        return claims_page(self, counted(len(self), "claim"))
+
+
+def claims_page(claims: Sequence[Claim], caption: str) -> str:
+    """Write claims as an HTML table: a row a claim, below it one a comparison.
+
+    Parameters
+    ----------
+    claims
+        Judged.
+    caption
+        Above them.
+    """
+    head = ["claim", "compared", "effect [95 %]", "seeds", "verdict"]
+    rows: list[list[object]] = []
+    for claim in claims:
+        said = f"{claim.text} ({claim.where})" if claim.where else claim.text
+        rows.append([claim.name, said, "", "", claim.verdict.upper()])
+        for one in claim.comparisons:
+            numbers = interval(one.effect.mean, one.effect.low, one.effect.high)
+            shown = one.lacks or f"{numbers} {one.unit}".rstrip()
+            rows.append(["", one.what, shown, one.effect.n, one.verdict])
+    few = any(not one.lacks and len(one.values) < SEEDS_NEEDED for claim in claims
+              for one in claim.comparisons)  # fmt: skip
+    told = ["with fewer than six seeds nothing is decided, and intervals are rough"] if few else []
+    commands = dict.fromkeys(command for claim in claims for command in claim.commands)
+    told += [f"what is missing is to be had with {command}" for command in commands]
+    return html_table(caption, rows, head, told)
 
 
 def p_inside(values: NDArray[np.float64], stated: Stated, test: Test) -> float:

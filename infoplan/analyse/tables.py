@@ -1,6 +1,5 @@
 """Stored missions: which are there, which belong together, and their tables."""
 
-import html
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from infoplan.analyse.configurations import (
 )
 from infoplan.errors import RunError, UsageError
 from infoplan.files import user_path
+from infoplan.html_table import html_table
 from infoplan.method_identity import (
     GP,
     NEVER_ERRS,
@@ -80,18 +80,13 @@ class Selection:
     def _repr_html_(self) -> str:
         """Show the runs in a notebook."""
         named = differing(self.options)
-        lines = [["run", "seeds", *named]]
+        rows = []
         for run, flat in list(self.options.items())[:LISTED]:
             values = [option_text(flat[name]) if name in flat else "" for name in named]
-            lines.append([run, ", ".join(map(str, self.seeds(run))), *values])
-        cells = [
-            "".join(f"<td>{html.escape(harmless(text))}</td>" for text in line) for line in lines
-        ]
+            rows.append([run, ", ".join(map(str, self.seeds(run))), *values])
         more = len(self.options) - LISTED
-        below = [f"<p>and {counted(more, 'run')} more</p>"] if more > 0 else []
-        below += [f"<p>{html.escape(harmless(note))}</p>" for note in self.notes]
-        rows = "".join(f"<tr>{line}</tr>" for line in cells)
-        return f"<p>{html.escape(repr(self))}</p><table>{rows}</table>{''.join(below)}"
+        below = [f"and {counted(more, 'run')} more"] if more > 0 else []
+        return html_table(repr(self), rows, ["run", "seeds", *named], [*below, *self.notes])
 
     def run(self, method: str, rho: float, scope: str = "batch") -> str | None:
         """Name of a method's run at an outlier share; None if there is none.

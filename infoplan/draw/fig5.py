@@ -1,6 +1,7 @@
 """Fig. 5: RMSE against the number of samples, mean over seeds with a band, any methods."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,9 @@ from infoplan.analyse.tables import Selection, load_curves
 from infoplan.draw import style
 from infoplan.draw.line_panels import PANELS, draw_panels, panel_numbers
 from infoplan.method_identity import NEVER_ERRS, PAPERS_CHOICES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NEEDS = tuple(
     dict.fromkeys(
@@ -28,15 +32,22 @@ def draw(selection: Selection, folder: Path, *, single_seeds: bool = False) -> l
     none. Infinite errors are gaps, and named.
     """
     numbers = plotted_numbers(selection)
+    with style.journal():
+        return style.save(
+            curves_figure(selection, numbers, single_seeds=single_seeds), folder, "fig5", numbers
+        )
+
+
+def curves_figure(
+    selection: Selection, numbers: pd.DataFrame, *, single_seeds: bool = False
+) -> "Figure":
+    """Make the picture of `draw` from its numbers, within `infoplan.draw.style.journal`."""
     unit = style.inert(selection.unit, style.LONGEST_UNIT)
     labels = ("collected samples", f"RMSE ({unit})")
-    with style.journal():
-        figure, shown = draw_panels(
-            selection, numbers, "collected", labels, single_seeds=single_seeds
-        )
-        shown[0].set_ylim(bottom=0)
-        shown[0].set_xlim(0, selection.budget)
-        return style.save(figure, folder, "fig5", numbers)
+    figure, shown = draw_panels(selection, numbers, "collected", labels, single_seeds=single_seeds)
+    shown[0].set_ylim(bottom=0)
+    shown[0].set_xlim(0, selection.budget)
+    return figure
 
 
 def plotted_numbers(selection: Selection) -> pd.DataFrame:

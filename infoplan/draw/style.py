@@ -1,8 +1,10 @@
 """One look for all figures: sizes, fonts, colours, files."""
 
+import io
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +33,9 @@ COLUMN = 3.5
 
 PAGE = 7.16
 """Width of two columns, inches."""
+
+SCREEN = 150
+"""Dots an inch of a picture in a notebook."""
 
 LONGEST, LONGEST_UNIT = 60, 20
 """So many characters of a user's text does a picture show; more would push the axes aside."""
@@ -95,14 +100,33 @@ def inert(text: object, longest: int = LONGEST) -> str:
 
 
 def new_figure(width: float, height: float) -> "Figure":
-    """Return an empty figure of a size in inches; drawn by Agg, without pyplot's state."""
+    """Return an empty figure of a size in inches; drawn by Agg, without pyplot's state.
+
+    A notebook shows it as it is, with or without a backend of pyplot's.
+    """
     load_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure: Figure = _figure_class()(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+@cache
+def _figure_class() -> Any:
+    """Make the class of all figures, once matplotlib is needed."""
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        """A figure that a notebook shows in the journal's look."""
+
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            with journal():
+                self.savefig(stream, format="png", dpi=SCREEN)
+            return stream.getvalue()
+
+    return NotebookFigure
 
 
 PAPER, FIELD = ("png", "pdf"), ("png",)

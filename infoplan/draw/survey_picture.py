@@ -20,6 +20,7 @@ from infoplan.draw.place_layout import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WIDTH, PANEL, AROUND, LEGEND = 9.0, 2.3, 0.75, 0.3
 """Of the picture, of a panel, and what titles and a row of the legend take, inches."""
@@ -61,6 +62,27 @@ def draw_survey(
     RunError
         If they cannot be written.
     """
+    with style.journal():
+        drawing, numbers = survey_figure(samples, maps, place, unit)
+        return style.save(drawing, folder, "picture", numbers, style.FIELD)
+
+
+def survey_figure(
+    samples: pd.DataFrame, maps: pd.DataFrame, place: str, unit: str
+) -> "tuple[Figure, pd.DataFrame]":
+    """Make the picture of `draw_survey`, within `infoplan.draw.style.journal`.
+
+    Parameters
+    ----------
+    samples, maps, place, unit
+        As of `draw_survey`.
+
+    Returns
+    -------
+    figure : Figure
+    numbers : DataFrame
+        The samples that are drawn.
+    """
     extent = grid_of(maps).extent
     mean, std = on_grid(maps, "mean"), on_grid(maps, "std")
     flagged = samples["flagged"].to_numpy(dtype=bool)
@@ -70,40 +92,39 @@ def draw_survey(
     most = end_of_deviation(std, values_kept)
     names = list(_tracks(samples))
     rows = ceil(len(names) / IN_A_ROW) if len(names) > 1 else 0
-    with style.journal():
-        height = picture_height(extent, PANEL, AROUND + LEGEND * rows)
-        drawing = style.new_figure(WIDTH, height)
-        track, *others = drawing.subplots(1, 3, sharex=True, sharey=True)
-        _draw_tracks(track, samples)
-        if rows:
-            drawing.legend(loc="outside lower center", ncols=min(IN_A_ROW, len(names)), fontsize=7)
-        for part, marker in zip(_tracks(kept).values(), cycle(MARKERS), strict=False):
-            values = track.scatter(
-                part["x1"], part["x2"], c=part["measured"], s=6, cmap=style.ELEVATION, vmin=low,
-                vmax=high, zorder=2, marker=marker, linewidths=0,
-                rasterized=True,  # a path a sample takes a viewer its time
-            )  # fmt: skip
-        style.frame_workspace(track, extent)
-        style.colour_bar(values, track, with_unit("value", unit))
-        style.panel(track, "a", f"{style.inert(place)}: {flagged.sum()} flagged")
-        _mark(track, samples[flagged], "#D55E00")
-        for axes, letter, what, grid, cmap, ends in (
-            (others[0], "b", "mean", mean, style.ELEVATION, (low, high)),
-            (others[1], "c", "standard deviation", std, style.DEVIATION,
-             (float(np.nanmin(std)), most)),
-        ):  # fmt: skip
-            image = style.show_map(axes, grid, extent, cmap=cmap, vmin=ends[0], vmax=ends[1])
-            for part in _tracks(samples).values():
-                axes.plot(part["x1"], part["x2"], color="white", lw=0.5, alpha=0.6)
-            _mark(axes, samples[flagged], "white")
-            style.colour_bar(image, axes, with_unit(what, unit), extend=beyond(grid, *ends))
-            style.panel(axes, letter, what)
-        for axes in (track, *others):
-            axes.set(xlabel="m", ylabel="")
-        track.set_ylabel("m")
-        numbers = samples[[*([LOG] if LOG in samples else []), "x1", "x2", "measured", "flagged",
-                           "score"]]  # fmt: skip
-        return style.save(drawing, folder, "picture", numbers, style.FIELD)
+    height = picture_height(extent, PANEL, AROUND + LEGEND * rows)
+    drawing = style.new_figure(WIDTH, height)
+    track, *others = drawing.subplots(1, 3, sharex=True, sharey=True)
+    _draw_tracks(track, samples)
+    if rows:
+        drawing.legend(loc="outside lower center", ncols=min(IN_A_ROW, len(names)), fontsize=7)
+    for part, marker in zip(_tracks(kept).values(), cycle(MARKERS), strict=False):
+        values = track.scatter(
+            part["x1"], part["x2"], c=part["measured"], s=6, cmap=style.ELEVATION, vmin=low,
+            vmax=high, zorder=2, marker=marker, linewidths=0,
+            rasterized=True,  # a path a sample takes a viewer its time
+        )  # fmt: skip
+    style.frame_workspace(track, extent)
+    style.colour_bar(values, track, with_unit("value", unit))
+    style.panel(track, "a", f"{style.inert(place)}: {flagged.sum()} flagged")
+    _mark(track, samples[flagged], "#D55E00")
+    for axes, letter, what, grid, cmap, ends in (
+        (others[0], "b", "mean", mean, style.ELEVATION, (low, high)),
+        (others[1], "c", "standard deviation", std, style.DEVIATION,
+         (float(np.nanmin(std)), most)),
+    ):  # fmt: skip
+        image = style.show_map(axes, grid, extent, cmap=cmap, vmin=ends[0], vmax=ends[1])
+        for part in _tracks(samples).values():
+            axes.plot(part["x1"], part["x2"], color="white", lw=0.5, alpha=0.6)
+        _mark(axes, samples[flagged], "white")
+        style.colour_bar(image, axes, with_unit(what, unit), extend=beyond(grid, *ends))
+        style.panel(axes, letter, what)
+    for axes in (track, *others):
+        axes.set(xlabel="m", ylabel="")
+    track.set_ylabel("m")
+    numbers = samples[[*([LOG] if LOG in samples else []), "x1", "x2", "measured", "flagged",
+                       "score"]]  # fmt: skip
+    return drawing, numbers
 
 
 def _tracks(samples: pd.DataFrame) -> dict[str, pd.DataFrame]:

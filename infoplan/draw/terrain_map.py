@@ -18,6 +18,7 @@ from infoplan.wording import figure, harmless
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FLAT = 0.05
 """Land is flat where its local relief is below this share of the whole map's."""
@@ -81,24 +82,37 @@ def draw_terrain(terrain: Terrain, folder: Path) -> Path:
     RunError
         If they cannot be written.
     """
+    with style.journal():
+        drawing, numbers = terrain_figure(terrain)
+        return style.save(drawing, folder, f"terrain-{terrain.name}", numbers)[0]
+
+
+def terrain_figure(terrain: Terrain) -> "tuple[Figure, pd.DataFrame]":
+    """Make the picture of `draw_terrain`, within `infoplan.draw.style.journal`.
+
+    Returns
+    -------
+    figure : Figure
+    numbers : DataFrame
+        The pilot path: x1, x2, heading, elevation.
+    """
     pilot = PilotConfig()
     path = bezier_path(np.array(pilot.control_points), terrain.extent, pilot.samples)
-    with style.journal():
-        drawing = style.new_figure(style.COLUMN, 2.9)
-        axes = drawing.add_subplot()
-        image = style.show_relief(axes, coarsened(terrain), terrain.extent)
-        style.show_obstacles(axes, [polygon.tolist() for polygon in terrain.obstacles.polygons])
-        axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
-        axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
-        narrow = len(terrain.name) > 12 or terrain.world is not None
-        space = "\n" if narrow else " "
-        title = f"{terrain.name},{space}pilot path from the ringed sample"
-        style.panel(axes, "", title)
-        style.colour_bar(image, axes, f"elevation ({_label(terrain.unit)})")
-        _world_axes(axes, terrain)
-        numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
-        numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
-        return style.save(drawing, folder, f"terrain-{terrain.name}", numbers)[0]
+    drawing = style.new_figure(style.COLUMN, 2.9)
+    axes = drawing.add_subplot()
+    image = style.show_relief(axes, coarsened(terrain), terrain.extent)
+    style.show_obstacles(axes, [polygon.tolist() for polygon in terrain.obstacles.polygons])
+    axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
+    axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
+    narrow = len(terrain.name) > 12 or terrain.world is not None
+    space = "\n" if narrow else " "
+    title = f"{terrain.name},{space}pilot path from the ringed sample"
+    style.panel(axes, "", title)
+    style.colour_bar(image, axes, f"elevation ({_label(terrain.unit)})")
+    _world_axes(axes, terrain)
+    numbers = pd.DataFrame(path, columns=["x1", "x2", "heading"])
+    numbers["elevation"] = terrain.elevation_at(path[:, 0], path[:, 1])
+    return drawing, numbers
 
 
 def coarsened(terrain: Terrain) -> NDArray[np.float64]:

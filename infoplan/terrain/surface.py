@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from infoplan.extent import Extent, checked_extent
+from infoplan.html_table import html_facts
 from infoplan.obstacles import NOWHERE, Obstacles
+from infoplan.wording import counted, figure, harmless
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Terrain:
     """Elevations over a rectangular workspace.
 
@@ -59,6 +61,36 @@ class Terrain:
         elevation.setflags(write=False)
         object.__setattr__(self, "elevation", elevation)
         object.__setattr__(self, "extent", checked_extent(self.extent))
+
+    def __repr__(self) -> str:
+        """Sum up in a line."""
+        rows, columns = self.elevation.shape
+        return harmless(
+            f"Terrain({self.name}: {rows} x {columns} nodes, elevation {self._heights()})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show its facts in a notebook; `infoplan.plot_terrain` draws it."""
+        rows, columns = self.elevation.shape
+        xmin, xmax, ymin, ymax = self.extent
+        facts = {
+            "nodes": f"{rows} x {columns}, rows along y",
+            "workspace": f"x {xmin:.10g} to {xmax:.10g}, y {ymin:.10g} to {ymax:.10g}",
+            "elevation": self._heights(),
+        }
+        if self.obstacles.polygons:
+            facts["no-go"] = counted(len(self.obstacles.polygons), "polygon")
+        if self.world is not None:
+            west, east, south, north = (f"{bound:.10g}" for bound in self.world)
+            facts["world"] = f"{west} to {east}, {south} to {north} {self.crs}".rstrip()
+        return html_facts(f"Terrain {self.name}", facts | {"sha256": self.sha256})
+
+    def _heights(self) -> str:
+        """Lowest and highest elevation with their unit."""
+        if np.isnan(self.elevation).all():
+            return f"unknown, in {self.unit}"
+        low, high = np.nanmin(self.elevation), np.nanmax(self.elevation)
+        return f"{figure(float(low))} to {figure(float(high))} {self.unit}"
 
     def elevation_at(self, x1: ArrayLike, x2: ArrayLike) -> Floats:
         """Elevation by bilinear interpolation between the nodes.
