@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from rich.console import Console
 
 from infoplan.analyse.claims import TEXTS
 from infoplan.analyse.multiverse import (
@@ -17,7 +18,7 @@ from infoplan.analyse.multiverse import (
     pairs_of_choices,
 )
 from infoplan.analyse.universe_numbers import Multiverse, collect, read, write
-from infoplan.draw.console import wide_console
+from infoplan.draw.latex import LatexConsole
 from infoplan.draw.multiverse_table import (
     chosen,
     print_claim,
@@ -44,6 +45,7 @@ def multiverse(
     universe: str | None,
     claim: str | None,
     filters: Mapping[str, Any],
+    console: Console,
 ) -> int:
     """Sum up a multiverse, or tell about one universe or claim.
 
@@ -59,6 +61,8 @@ def multiverse(
         Name of one, as C4.
     filters
         Options of runs that are looked at.
+    console
+        Where the tables go; on one for LaTeX files are named on standard error.
     """
     one = None if universe is None else _named(universe)
     if claim is not None and claim.upper() not in TEXTS:
@@ -70,7 +74,7 @@ def multiverse(
         _tell(f"numbers of {counted(len(numbers.universes), 'universe')}: {table}")
     else:
         numbers = read(table)
-    console, folder = wide_console(), results_dir / "figures"
+    folder = results_dir / "figures"
     files: list[Path] = []
     if one is not None:
         _demand(one, numbers, table)
@@ -96,7 +100,7 @@ def multiverse(
             shares, p = (by_choice(known, column) for column in ("share", "p"))
             files += draw_effects(shares, p, folder)
     for path in files:
-        print(path)
+        print(path, file=sys.stderr if isinstance(console, LatexConsole) else sys.stdout)
     return 0
 
 
