@@ -93,8 +93,8 @@ class WatchedLauncher(Launcher):
         ]
         returned = list(self.launcher.launch(jobs, initial_job_idx=initial_job_idx))
         for result in returned:
-            # A failed job has an error there.
-            if runs := getattr(result._return_value, "runs", ()):
+            runs = getattr(result._return_value, "runs", ())  # a failed job has an error there
+            if runs and result.cfg is not None:
                 session().runs.setdefault(str(result.cfg.results_dir), []).extend(runs)
         if not self.is_search:
             return returned

@@ -1,6 +1,6 @@
 """Hydra's callback that sends what a command has run to MLflow: ``hydra/callbacks=mlflow``."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ class MlflowCallback(Callback):
         """Send what all jobs of a sweep have run, wherever they did."""
         self._send(session().runs)
 
-    def _send(self, runs: dict[str, Sequence[str]]) -> None:
+    def _send(self, runs: Mapping[str, Sequence[str]]) -> None:
         """Send runs by results folder; a tracker that fails costs nothing that is stored."""
         for folder, names in runs.items():
             if not names:
