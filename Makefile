@@ -3,8 +3,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 ARGS ?=
-# What meets other libraries: files and logs, detectors, models, tables, drawings, the command line.
-OLDEST := tests/detect tests/terrain tests/survey tests/cli tests/test_mission.py tests/test_tracking.py
+# What meets other libraries: detectors, missions and their tables, tracking.
+OLDEST := tests/detect tests/test_mission.py tests/test_tracking.py
 
 .DEFAULT_GOAL := help
 .PHONY: help run figures test test-long test-oldest test-browser coverage bench check package docs derived pictures paper \
