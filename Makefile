@@ -3,9 +3,11 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 ARGS ?=
+# What meets other libraries: detectors, missions and their tables, tracking.
+OLDEST := tests/detect tests/test_mission.py tests/test_tracking.py
 
 .DEFAULT_GOAL := help
-.PHONY: help run figures test test-long test-browser coverage bench check docs derived pictures paper \
+.PHONY: help run figures test test-long test-oldest test-browser coverage bench check package docs derived pictures paper \
   detectors faults growth kernels loop maps models outliers planners survey clean
 
 help: ## list the targets
@@ -26,6 +28,9 @@ test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes:
 test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
+test-oldest: $(VENV)-oldest/.installed ## set up the oldest allowed dependencies beside the others, and run what they matter to (PYTHON=python3.11)
+	$(VENV)-oldest/bin/python -m pytest $(if $(ARGS),$(ARGS),$(OLDEST))
+
 coverage: $(VENV)/.installed-dev ## run the tests and tell which lines they reach, workers left out (htmlcov/index.html)
 	$(BIN)/python -m pytest --numprocesses auto --cov --cov-report=term --cov-report=html $(ARGS)
 
@@ -37,6 +42,15 @@ check: $(VENV)/.installed-dev ## set up and run the linter, the type checker and
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+package: $(VENV)/.installed-dev ## build dist/, check it, and fly a mission from the wheel that the source distribution makes
+	rm -rf dist build/dist
+	$(BIN)/check-manifest
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/twine check --strict dist/*
+	$(BIN)/python -m pip install --quiet --no-deps --target build/dist dist/infoplan-*.whl
+	cd build/dist && PYTHONPATH=$$PWD $(abspath $(BIN))/python -P -m infoplan.cli run experiment=smoke \
+	  terrain=volcano seeds=1 results_dir=results
 
 docs: $(VENV)/.installed-docs ## build the site of docs/ into docs/_build/html; it fetches nothing
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
@@ -87,8 +101,8 @@ planners: $(VENV)/.installed-dev ## draw the picture of docs/planners.md again
 survey: $(VENV)/.installed-dev ## draw the picture of docs/after_a_survey.md again
 	$(BIN)/python scripts/draw_survey.py
 
-clean: ## remove the virtual environment and all caches; results stay
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage* docs/_build
+clean: ## remove the virtual environments and all caches; results stay
+	rm -rf $(VENV) $(VENV)-oldest build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis htmlcov .coverage* docs/_build
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
@@ -102,6 +116,13 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@ $(VENV)/.installed
+
+$(VENV)-oldest/.installed: pyproject.toml constraints-oldest.txt
+	$(PYTHON) -m venv $(VENV)-oldest
+	$(VENV)-oldest/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --constraint constraints-oldest.txt --editable '.[cmaes,dask,geo,survey,sweep,tracking]' \
+	  pytest hypothesis shapely gpxpy psutil
+	touch $@
 
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

@@ -21,6 +21,8 @@ from infoplan.command_line.types import Number, Text, UserPath
 from infoplan.errors import UsageError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from infoplan.analyse.tables import Selection
     from infoplan.command_line.settings import More
 
@@ -106,6 +108,19 @@ RESULTS = setting("results_dir", UserPath(folder=True), "folder of the tables", 
 TRUST = setting(
     "trust", click.BOOL, "import the functions of its own that the stored run names", default=False
 )
+
+
+def latex_flag(function: Function) -> Function:
+    """Declare the flag of commands whose tables go into papers."""
+    doc = "write the table for LaTeX, with booktabs"
+    return click.option("--latex", "as_latex", is_flag=True, help=doc)(function)
+
+
+def _console_of(as_latex: bool) -> "Console":
+    from infoplan.draw.console import wide_console
+    from infoplan.draw.latex import LatexConsole
+
+    return LatexConsole() if as_latex else wide_console()
 
 
 def options_of(what: str) -> "Callable[[], More]":
@@ -448,12 +463,14 @@ def figures(
 @click.option("--json", "as_json", is_flag=True, help="write them for scripts")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write them for documents")
 @click.option("--csv", "as_csv", is_flag=True, help="write what is compared, seed by seed")
+@latex_flag
 def claims(
     results_dir: Path,
     run: str | list[str] | None,
     as_json: bool,
     as_markdown: bool,
     as_csv: bool,
+    as_latex: bool,
     filters: dict[str, Any],
 ) -> int:
     """Judge the claims."""
@@ -461,10 +478,9 @@ def claims(
     from infoplan.draw.claims_table import as_csv as to_csv
     from infoplan.draw.claims_table import as_json as to_json
     from infoplan.draw.claims_table import markdown, print_claims
-    from infoplan.draw.console import wide_console
 
-    if as_json + as_markdown + as_csv > 1:
-        raise UsageError("claims are written as --json, --markdown or --csv: choose one")
+    if as_json + as_markdown + as_csv + as_latex > 1:
+        raise UsageError("claims are written as --json, --markdown, --csv or --latex: choose one")
     study = _study(results_dir, run, filters)
     judged = judge_claims(study)
     if as_json:
@@ -474,7 +490,7 @@ def claims(
     elif as_markdown:
         print(markdown(judged, study))
     else:
-        print_claims(judged, study, wide_console())
+        print_claims(judged, study, _console_of(as_latex))
     return EXIT_OK
 
 
@@ -490,6 +506,7 @@ def claims(
 @setting("claim", Text(), "tell what moves one claim, as C4, and draw the choices below its curve")
 @click.option("--list", "listed", is_flag=True, help="name all universes, flown or not")
 @click.option("--json", "as_json", is_flag=True, help="write how all claims fare for scripts")
+@latex_flag
 def multiverse(
     results_dir: Path,
     run: str | list[str] | None,
@@ -498,15 +515,24 @@ def multiverse(
     claim: str | None,
     listed: bool,
     as_json: bool,
+    as_latex: bool,
     filters: dict[str, Any],
 ) -> int:
     """Sum up the multiverse."""
     from infoplan.multiverse_command import list_universes, multiverse
 
+    if as_json and as_latex:
+        raise UsageError("the multiverse is written as --json or --latex: choose one")
     if listed:
         return list_universes()
     return multiverse(
-        results_dir, table, universe, claim, {"run": run, **_wanted(results_dir, filters)}, as_json
+        results_dir,
+        table,
+        universe,
+        claim,
+        {"run": run, **_wanted(results_dir, filters)},
+        _console_of(as_latex),
+        as_json,
     )
 
 
@@ -555,6 +581,7 @@ def show(run: str | None, results_dir: Path) -> int:
 @click.option("--seeds", "single_seeds", is_flag=True, help="print each seed, too")
 @click.option("--csv", "as_csv", is_flag=True, help="write every seed for scripts")
 @click.option("--json", "as_json", is_flag=True, help="write means and seeds for scripts")
+@latex_flag
 def explain(
     run: str | list[str] | None,
     results_dir: Path,
@@ -563,19 +590,19 @@ def explain(
     single_seeds: bool,
     as_csv: bool,
     as_json: bool,
+    as_latex: bool,
     overrides: list[str],
 ) -> int:
     """Explain runs."""
     from rich.console import Console
 
-    from infoplan.draw.console import wide_console
     from infoplan.draw.explain_table import as_csv as to_csv
     from infoplan.draw.explain_table import as_json as to_json
     from infoplan.draw.explain_table import print_sources
     from infoplan.study_commands import explain
 
-    if as_csv and as_json:
-        raise UsageError("explanations are written as --json or --csv, not both")
+    if as_csv + as_json + as_latex > 1:
+        raise UsageError("explanations are written as --json, --csv or --latex: choose one")
     if run is None:
         from infoplan.text_options import as_command
 
@@ -584,8 +611,9 @@ def explain(
             f"which {as_command('infoplan status', results_dir)} lists"
         )
     named = [run] if isinstance(run, str) else run
-    console = Console(stderr=True) if as_csv or as_json else wide_console()
-    sources, failed = explain(results_dir, named, best, seeds, overrides, console)
+    console = _console_of(as_latex)
+    told = Console(stderr=True) if as_csv or as_json or as_latex else console
+    sources, failed = explain(results_dir, named, best, seeds, overrides, told)
     if sources and as_json:
         print(to_json(sources))
     elif sources and as_csv:
@@ -604,27 +632,28 @@ def explain(
 @setting("run", RunName(), "a list of runs, alone")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write it for documents")
 @click.option("--html", "as_html", is_flag=True, help="write a page, leaderboard.html")
+@latex_flag
 def leaderboard(
     results_dir: Path,
     run: str | list[str] | None,
     as_markdown: bool,
     as_html: bool,
+    as_latex: bool,
     filters: dict[str, Any],
 ) -> int:
     """Rank the methods."""
     from infoplan.analyse.leaderboard import rank
-    from infoplan.draw.console import wide_console
     from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
 
-    if as_markdown and as_html:
-        raise UsageError("the leaderboard is written as --markdown or as --html, not both")
+    if as_markdown + as_html + as_latex > 1:
+        raise UsageError("the leaderboard is written as --markdown, --html or --latex: choose one")
     board = rank(results_dir, _with_runs(results_dir, run, filters))
     if as_markdown:
         print(markdown(board))
     elif as_html:
         print(f"written to {write_page(board, results_dir / 'leaderboard.html')}")
     else:
-        print_leaderboard(board, wide_console())
+        print_leaderboard(board, _console_of(as_latex))
     return EXIT_OK
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from rich.console import Console
 
 from infoplan.analyse.claims import TEXTS
 from infoplan.analyse.multiverse import (
@@ -14,7 +15,7 @@ from infoplan.analyse.multiverse import (
     nearest_tenth,
 )
 from infoplan.analyse.universe_numbers import Multiverse, collect, read, write
-from infoplan.draw.console import wide_console
+from infoplan.draw.latex import LatexConsole
 from infoplan.draw.multiverse_page import write_multiverse_page
 from infoplan.draw.multiverse_page_data import summary_data, what_moves
 from infoplan.draw.multiverse_table import (
@@ -43,6 +44,7 @@ def multiverse(
     universe: str | None,
     claim: str | None,
     filters: Mapping[str, Any],
+    console: Console,
     as_json: bool = False,
 ) -> int:
     """Sum up a multiverse, or tell about one universe or claim.
@@ -59,6 +61,8 @@ def multiverse(
         Name of one, as C4.
     filters
         Options of runs that are looked at.
+    console
+        Where the tables go; on one for LaTeX files are named on standard error.
     as_json
         Print how all claims fare for scripts, and draw nothing.
     """
@@ -74,7 +78,7 @@ def multiverse(
         _tell(f"numbers of {counted(len(numbers.universes), 'universe')}: {table}")
     else:
         numbers = read(table)
-    console, folder = wide_console(), results_dir / "figures"
+    folder = results_dir / "figures"
     files: list[Path] = []
     if one is not None:
         _demand(one, numbers, table)
@@ -108,7 +112,7 @@ def multiverse(
             files += draw_effects(shares, p, folder)
         files.append(page)
     for path in files:
-        print(path)
+        print(path, file=sys.stderr if isinstance(console, LatexConsole) else sys.stdout)
     return 0
 
 

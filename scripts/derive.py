@@ -7,6 +7,7 @@ and the section ``hydra`` are written by hand, in the page all but what is betwe
 import re
 import sys
 import textwrap
+import tomllib
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from importlib import import_module
@@ -37,6 +38,10 @@ PUBLIC = ("infoplan", "infoplan.analyse", "infoplan.plan", "infoplan.detect", "i
 TOLD_WITH = {"model": "gp", "detector": "none"}
 """The options of these choices are those of others of their group, and are not told with each."""
 KERNELS_TABLE = re.compile(r"(<!-- kernels: make derived -->\n).*?(<!-- end -->)", re.DOTALL)
+EXTRAS_TABLE = re.compile(r"(<!-- extras: make derived -->\n).*?(<!-- end -->)", re.DOTALL)
+LEAST = re.compile(r"([\w-]+)>=([\d.]+)")
+OLDEST = ("cmaes", "dask", "geo", "survey", "sweep", "tracking")
+"""Extras whose oldest versions are tested; those of the others are tools."""
 MARKS = ("<!-- columns: make derived -->", "<!-- end of the columns -->")
 
 
@@ -52,6 +57,7 @@ def derived() -> Iterator[tuple[Path, str]]:
     head, _, rest = root.read_text(encoding="utf-8").partition("\n\n")
     _, _, hydra = rest.partition("\nhydra:\n")
     yield root, f"{head}\n\n{_options(Config())}\nhydra:\n{hydra}"
+    yield ROOT / "constraints-oldest.txt", _oldest()
     page = ROOT / "docs" / "results.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
     yield page, f"{before}{MARKS[0]}\n{_columns()}{MARKS[1]}{rest.partition(MARKS[1])[2]}"
@@ -74,6 +80,36 @@ def _sweep(path: Path) -> str:
         for universe in universes()
     ]
     return f"{head}\nsweep:\n{''.join(entries)}"
+
+
+def _project() -> dict[str, Any]:
+    """Read what pyproject.toml says of the project."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def _oldest() -> str:
+    """Write the oldest allowed version of everything that has a bound, as constraints of pip."""
+    project = _project()
+    needed = list(project["dependencies"])
+    for extra in OLDEST:
+        needed += project["optional-dependencies"][extra]
+    pins = {found[1]: found[2] for entry in needed if (found := LEAST.match(entry))}
+    lines = "".join(f"{name}=={pins[name]}\n" for name in sorted(pins))
+    head = "# The oldest versions that pyproject.toml allows: make test-oldest. By make derived."
+    return f"{head}\n{lines}"
+
+
+def _extras_table(found: re.Match[str]) -> str:
+    """Write the extras, what each is for by its comment in pyproject.toml, and what it installs."""
+    begin, end = found.groups()
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    section = text.partition("[project.optional-dependencies]\n")[2].partition("\n[")[0]
+    told = dict(re.findall(r"^# ([a-z-]+): (.+)$", section, re.MULTILINE))
+    rows = "| extra | for | installs |\n|---|---|---|\n"
+    for extra, needed in _project()["optional-dependencies"].items():
+        names = [re.split(r"[<>=]", entry)[0] for entry in needed]
+        rows += f"| `{extra}` | {told[extra]} | {', '.join(f'`{name}`' for name in names)} |\n"
+    return f"{begin}\n{rows}\n{end}"
 
 
 def _options_table(found: re.Match[str]) -> str:
@@ -154,6 +190,7 @@ TABLES_OF_PAGES = {
     CHOICES_OF: _choices_table,
     KERNELS_TABLE: _kernels_table,
     PUBLIC_NAMES: _public_names,
+    EXTRAS_TABLE: _extras_table,
 }
 """Marks in the pages, and what is written between them and the next end."""
 

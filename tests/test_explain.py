@@ -210,7 +210,7 @@ def test_what_cannot_be_explained_is_told_in_a_sentence(tmp_path, capfd):
         (["uct-best"], "is BEST itself"),
         (["puct-copod", "best=puct-copod"], "has the detector copod"),
         ([], "takes one stored run"),
-        (["puct-copod", "--csv", "--json"], "not both"),
+        (["puct-copod", "--csv", "--json"], "--json, --csv or --latex: choose one"),
         (["puct-copod", "rho=0.2"], "rho"),
     ):
         assert main(["explain", *words, f"results_dir={tmp_path}"]) == 2
@@ -300,3 +300,16 @@ def test_older_results_are_judged_by_their_hyperparameters(tmp_path):
         limit = 0.5 * stored["model"]["learning_rate"] * stored["model"]["iterations"]
         moved = np.abs(np.diff(theta, axis=0)).max(axis=1)[-10:] >= limit
         assert found[run, seed] == (2 * moved.sum() >= len(moved))
+
+
+def test_for_papers_it_is_a_table_of_latex(explained, capfd):
+    assert explain(explained, "--json") == 0
+    (document,) = json.loads(capfd.readouterr().out)
+    assert explain(explained, "--latex") == 0
+    said = capfd.readouterr().out
+    assert said.startswith(f"% {document['run']}, compared with ")
+    assert rf"\caption{{RMSE in {document['unit']}: mean [95 \% interval over seeds]}}" in said
+    rows = [line.split(" & ") for line in said.splitlines() if line.endswith(r"\\")][1:]
+    means = [float(row[1].split()[0].replace("$-$", "-")) for row in rows]
+    expected = [mean["mean"] for mean in document["means"].values()]
+    assert means == pytest.approx(expected, rel=5e-3, abs=0.5)

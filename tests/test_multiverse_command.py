@@ -156,6 +156,12 @@ def test_a_universe_tells_the_commands_that_fly_it(flown, capsys):
     assert len(lines) == len(list(universe.lines()))
     assert all("model.min_noise_variance=1" in line and "budget=200" in line for line in lines)
     assert main([*lines[0].split(), "--dry-run", f"results_dir={flown}"]) == 0
+    capsys.readouterr()
+    assert main(["multiverse", f"universe={FLOOR}", f"table={table}", "--latex"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"% universe {FLOOR}: ")
+    assert out.count("\\toprule") == 1
+    assert len(re.findall(r"^\\textbf\{C\d+\} & ", out, re.MULTILINE)) == len(COMPARISONS)
 
 
 def test_scripts_are_told_how_claims_fare(tmp_path, capsys):

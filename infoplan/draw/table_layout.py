@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from infoplan.draw.console import INDENT, UNLIMITED, plain, plain_text, say, wrapped
+from infoplan.draw.latex import LatexConsole
 from infoplan.wording import encodable
 
 Cell = str | Text
@@ -70,7 +71,7 @@ def print_table(
     *,
     named: int = 1,
 ) -> None:
-    """Print a table as the console's width allows.
+    """Print a table as the console's width allows; on a `LatexConsole` as LaTeX, with all columns.
 
     Parameters
     ----------
@@ -85,10 +86,14 @@ def print_table(
     named
         How many of the first columns name a row; they head its block where rows are stacked.
     """
-    if title:
-        say(console, title, style="italic")
     columns = [replace(column, title=plain(column.title, console)) for column in columns]
     cells = [None if row is None else [plain_text(cell, console) for cell in row] for row in rows]
+    if isinstance(console, LatexConsole):
+        titles, right = [c.title for c in columns], [c.right for c in columns]
+        console.write_table(title, titles, right, cells)
+        return
+    if title:
+        say(console, title, style="italic")
     full = [row for row in cells if row is not None]
     for kept in _choices(columns):
         chosen = [columns[index] for index in kept]

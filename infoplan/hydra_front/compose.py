@@ -23,6 +23,7 @@ from infoplan.config import GROUPS, Config
 from infoplan.errors import UsageError
 from infoplan.hydra_front.explain import explained
 from infoplan.hydra_front.known_options import no_option
+from infoplan.hydra_front.mlflow_options import MlflowOptions
 from infoplan.hydra_front.overrides import readable, values_of
 from infoplan.text_options import decimal, text_options
 
@@ -66,6 +67,7 @@ def register() -> None:
     store.store(name="infoplan_base", node=base)
     target = "hydra_plugins.infoplan.PoolLauncher"
     store.store(group="hydra/launcher", name="infoplan", node={"_target_": target})
+    store.store(group="hydra/callbacks", name="mlflow", node={"mlflow": MlflowOptions})
 
 
 class Composer:

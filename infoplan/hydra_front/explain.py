@@ -135,6 +135,7 @@ def _leads_nowhere(error: Any) -> str:
 
 
 SENTENCES: dict[type[BaseException], Callable[[Any], str]] = {
+    UsageError: str,  # of what Hydra has made for us
     MissingConfigException: _missing_file,
     yaml.YAMLError: _bad_yaml,
     UnicodeDecodeError: lambda error: (

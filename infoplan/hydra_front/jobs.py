@@ -33,11 +33,14 @@ class Session:
         Exit status or error of each study: Hydra keeps what a job returns or raises to itself.
     trials
         Overrides and number of each job of a sweeper other than Hydra's basic one.
+    runs
+        Names of the runs of all jobs of a sweep, by results folder.
     """
 
     act: Act
     statuses: list[int | Exception] = field(default_factory=list)
     trials: list[tuple[list[str], float]] = field(default_factory=list)
+    runs: dict[str, list[str]] = field(default_factory=dict)
 
 
 _session: list[Session] = []
@@ -109,8 +112,11 @@ def task_overrides(hydra_config: Any) -> list[str]:
 
 
 def _score(numbers: list[float]) -> float:
-    """Give the one number of a job, which keeps the name of its run if it has but one."""
-    return numbers[0] if len(numbers) == 1 else Score(sum(numbers) / len(numbers))
+    """Give the one number of a job, which knows its runs."""
+    if len(numbers) == 1:
+        return numbers[0]
+    runs = (run for number in numbers for run in getattr(number, "runs", ()))
+    return Score(sum(numbers) / len(numbers), *runs)
 
 
 def _expanded(

@@ -92,6 +92,10 @@ class WatchedLauncher(Launcher):
             for overrides in job_overrides
         ]
         returned = list(self.launcher.launch(jobs, initial_job_idx=initial_job_idx))
+        for result in returned:
+            runs = getattr(result._return_value, "runs", ())  # a failed job has an error there
+            if runs and result.cfg is not None:
+                session().runs.setdefault(str(result.cfg.results_dir), []).extend(runs)
         if not self.is_search:
             return returned
         for i, (job, result) in enumerate(zip(jobs, returned, strict=True)):

@@ -21,7 +21,8 @@ def best_trial(trials: Sequence[tuple[Sequence[str], float]]) -> str:
     if not finished:
         return f"none of {counted(len(trials), 'trial')} has an RMSE"
     overrides, number = min(finished, key=lambda trial: trial[1])
-    run = f" ({number.run})" if isinstance(number, Score) and number.run else ""
+    runs = number.runs if isinstance(number, Score) else ()
+    run = f" ({runs[0]})" if len(runs) == 1 else ""
     return (
         f"best of {counted(len(trials), 'trial')}: RMSE {figure(number)}{run}: "
         f"infoplan run {' '.join(map(_pasted, overrides))}"
@@ -37,16 +38,16 @@ def _pasted(word: str) -> str:
 
 
 class Score(float):
-    """Mean final RMSE of a job, and the name of its run; empty if it stands for several."""
+    """Mean final RMSE of a job, and the names of the runs that it is the mean of."""
 
-    run: str = ""
+    runs: tuple[str, ...] = ()
 
-    def __new__(cls, value: float, run: str = "") -> "Score":
-        """Make a number that knows its run."""
+    def __new__(cls, value: float, *runs: str) -> "Score":
+        """Make a number that knows its runs."""
         score = super().__new__(cls, value)
-        score.run = run
+        score.runs = runs
         return score
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let it come back from another process."""
-        return Score, (float(self), self.run)
+        return Score, (float(self), *self.runs)

@@ -336,4 +336,4 @@ def test_every_seed_is_written_as_csv(tmp_path, capsys):
     assert [row[3] for row in of_c2] == [str(seed) for seed in range(SEEDS)]
     assert [float(row[4]) for row in of_c2] == pytest.approx([-300.0] * SEEDS)
     assert main(["claims", "--csv", "--json", f"results_dir={tmp_path}"]) == 2
-    assert "--json, --markdown or --csv: choose one" in capsys.readouterr().err
+    assert "--json, --markdown, --csv or --latex: choose one" in capsys.readouterr().err

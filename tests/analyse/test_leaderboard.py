@@ -330,7 +330,7 @@ def test_the_command_filters_and_refuses(results, tmp_path, capfd):
     line = f"infoplan run -m experiment=benchmark 'results_dir={empty}'"
     assert capfd.readouterr().err.rstrip().endswith(line)
     assert main(["leaderboard", "--html", "--markdown", f"results_dir={results}"]) == 2
-    assert "not both" in capfd.readouterr().err
+    assert "--markdown, --html or --latex: choose one" in capfd.readouterr().err
     assert main(["leaderboard", "rhoo=1", f"results_dir={results}"]) == 2
     assert "did you mean 'rho'" in capfd.readouterr().err
     frame = pd.read_parquet(results / "curves")

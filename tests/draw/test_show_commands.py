@@ -87,7 +87,7 @@ def test_show_speaks_ascii_where_it_must(folder):
         (["show"], "there are 2 runs: name one, or its hash: puct-copod-volcano"),
         (["show", "nothing"], "run=nothing is not stored in {folder}: use puct-copod"),
         (["show", "one", "two"], "show takes one run, not 2"),
-        (["claims", "--json", "--markdown"], "as --json, --markdown or --csv: choose one"),
+        (["claims", "--json", "--markdown"], "as --json, --markdown, --csv or --latex: choose one"),
         (["claims", "planner.exploration=9"], "no mission with planner.exploration=9"),
         (["claims", "terrain=helens"], r"no mission with terrain=helens: there is volcano (4)"),
         (["figures", "fig9"], "there is no figure 'fig9'"),

@@ -1,0 +1,14 @@
+"""Options of the callback that sends runs to MLflow, as Hydra checks them."""
+
+from dataclasses import dataclass
+
+
+@dataclass
+class MlflowOptions:
+    """What ``hydra.callbacks.mlflow.uri=`` and its like set; see `MlflowCallback`."""
+
+    _target_: str = "infoplan.hydra_front.mlflow_callback.MlflowCallback"
+    uri: str | None = None
+    experiment: str = "infoplan"
+    artifacts: bool = False
+    claims: bool = True
