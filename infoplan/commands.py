@@ -593,7 +593,7 @@ def leaderboard(
     """Rank the methods."""
     from infoplan.analyse.leaderboard import rank
     from infoplan.draw.console import wide_console
-    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
+    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_leaderboard
 
     if as_markdown and as_html:
         raise UsageError("the leaderboard is written as --markdown or as --html, not both")
@@ -601,7 +601,7 @@ def leaderboard(
     if as_markdown:
         print(markdown(board))
     elif as_html:
-        print(f"written to {write_page(board, results_dir / 'leaderboard.html')}")
+        print(f"written to {write_leaderboard(board, results_dir / 'leaderboard.html')}")
     else:
         print_leaderboard(board, wide_console())
     return EXIT_OK

@@ -22,7 +22,14 @@ from infoplan.analyse.tables import Selection, study_of, told_apart
 from infoplan.collapse import collapse_sentence, moving_sentence
 from infoplan.config import is_survey
 from infoplan.draw import claims_table, explain_table, fault_table
-from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
+from infoplan.draw.page import (
+    as_html,
+    dash_array,
+    fill_page,
+    html_table,
+    sentence,
+    write_page,
+)
 from infoplan.draw.report_data import (
     Findings,
     Panel,
@@ -182,16 +189,11 @@ def _methods(panels: Sequence[Panel]) -> list[dict[str, Any]]:
         {
             "name": method,
             "colour": look.colour,
-            "dash": _dash(look.dashes),
+            "dash": dash_array(look),
             "shown": method in (papers_own or present),
         }
         for method, look in looks(present).items()
     ]
-
-
-def _dash(dashes: Sequence[float]) -> str:
-    """Write a line style as SVG does, for a line of two pixels."""
-    return " ".join(f"{2 * length:g}" for length in dashes)
 
 
 def _first(candidates: Sequence[dict[str, Any]], wanted: dict[str, str]) -> int:
