@@ -28,7 +28,7 @@ class Mark:
 
 MARKS = {
     "caught": Mark("#ffffff", "o"),
-    "missed": Mark("#f03ea6", "v"),
+    "missed": Mark("#d946ef", "v"),
     "false-alarm": Mark("#ff5a00", "X"),
     "flagged": Mark("#ff8a3d", "X"),
 }
@@ -60,10 +60,10 @@ PAGE = {
     "muted": ("#59636e", "#9aa6b4"),
     "rule": ("#d5dae0", "#323b47"),
     "accent": ("#0b5cad", "#79b8ff"),
-    "caution": ("#7a5200", "#e9b84c"),
-    "supported": ("#116932", "#5fd08a"),
-    "contradicted": ("#a8240f", "#ff8f7a"),
-    "undecided": ("#7a5200", "#e9b84c"),
+    "caution": ("#946200", "#ffd75e"),
+    "supported": ("#0b6b45", "#4fd1a5"),
+    "contradicted": ("#8f1507", "#f2705c"),
+    "undecided": ("#946200", "#ffd75e"),
     "missing": ("#59636e", "#9aa6b4"),
 }
 """Of pages and the site, in light and in dark; what is text can be read on page and panel."""

@@ -193,7 +193,7 @@ def _interval_picture(interval: Interval, ends: tuple[float, float], look: Look)
     low, high = ends
 
     def at(value: float) -> str:
-        return f"{4 + 192 * (value - low) / ((high - low) or 1):.1f}"
+        return f"{6 + 188 * (value - low) / ((high - low) or 1):.1f}"
 
     line = ""
     if not math.isnan(interval.low):

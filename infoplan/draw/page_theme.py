@@ -18,8 +18,13 @@ ALWAYS = {
 }
 """In light and in dark."""
 
-LIFT = {"lift": ("0%", "25%"), "dim": ("brightness(1)", "brightness(0.8)")}
-"""In light and in dark: how far methods' colours go to white, and how bright a map is."""
+DARKENED = {
+    "lift": ("0%", "25%"),
+    "least": ("0", "0.62"),
+    "dim": ("brightness(1)", "brightness(0.8)"),
+}
+"""In light and in dark: share of white that lightens methods' colours, or, in browsers that know it,
+their least lightness in OKLCH; and how bright a map is."""
 
 
 def custom_properties() -> str:
@@ -27,7 +32,7 @@ def custom_properties() -> str:
 
     Dark is what the reader's system asks for, or the page's button; paper is light.
     """
-    themed = PAGE | LIFT
+    themed = PAGE | DARKENED
     light = _rules({name: pair[0] for name, pair in themed.items()} | {"color-scheme": "light"})
     dark = _rules({name: pair[1] for name, pair in themed.items()} | {"color-scheme": "dark"})
     return (
