@@ -23,8 +23,8 @@ DARKENED = {
     "least": ("0", "0.62"),
     "dim": ("brightness(1)", "brightness(0.8)"),
 }
-"""In light and in dark: share of white that lightens methods' colours, or, in browsers that know it,
-their least lightness in OKLCH; and how bright a map is."""
+"""In light and in dark: how methods' colours are lightened, by a share of white or, in newer
+browsers, to a least lightness in OKLCH; and how bright a map is."""
 
 
 def custom_properties() -> str:
