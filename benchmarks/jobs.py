@@ -59,10 +59,11 @@ def mission(
         parts: Any = reference_parts()
     else:
         parts = nullcontext()
-    config = configuration(planner, detector, budget=budget, grid=grid, **(model or {}))
+    chosen = model or {}
+    config = configuration(planner, detector, budget=budget, grid=grid, **chosen)
     with parts:
         # Loads the compiled kernels and the detector.
-        fly(configuration(planner, detector, budget=110, pilot_iterations=1))
+        fly(configuration(planner, detector, budget=110, **(chosen | {"pilot_iterations": 1})))
         before, _ = resident_mib()
         flight = fly(config, seed)
     _, peak = resident_mib()

@@ -78,6 +78,8 @@ class PyPoloModel:
 
 def plain_search(pose: Any, maps: np.ndarray, extent: Any, *, rng: Any, **options: Any) -> Any:
     """Grow a tree by the tests' reference and return its root."""
+    if options.pop("obstacles").polygons:
+        raise ValueError("the plain search knows no obstacles")
     options["steering"] = options["steering"].tolist()
     settings = reference_search.Settings(maps.tolist(), extent, **options)
     return reference_search.search(settings, tuple(pose), rng)[0]

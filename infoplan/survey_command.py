@@ -11,7 +11,6 @@ from infoplan.draw.progress import listener
 from infoplan.draw.survey_page import write_survey_page
 from infoplan.draw.survey_picture import draw_survey
 from infoplan.draw.survey_table import print_check, print_survey
-from infoplan.hydra_front.compose import compose
 from infoplan.hydra_front.reconfigure import SURVEY, names_opened, reconfigure
 from infoplan.study.store import read_table
 from infoplan.study.study import Study
@@ -54,7 +53,6 @@ def survey(
     console = wide_console()
     listening = listener(console)
     names = names_opened(overrides, SURVEY)
-    compose(overrides)  # what is wrong there is told whatever the log
     log = read_logs(paths, columns, crs, unit)
     for one in log.parts or (log,):
         listening.say(

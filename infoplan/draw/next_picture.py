@@ -42,7 +42,7 @@ def draw_track(
     kept
         Values of those in the model: the deviation's colours end at theirs.
     folder
-        Where ``picture.png``, the same as PDF, and the track as CSV land.
+        Where ``picture.png`` and the track, as CSV, land.
     place, unit
         The survey's name, and the unit of its values.
 
@@ -91,7 +91,7 @@ def draw_track(
         )  # fmt: skip
         numbers = pd.DataFrame(track.poses, columns=["x1", "x2", "heading"])
         numbers["deviation"] = track.deviation
-        return style.save(drawing, folder, "picture", numbers)
+        return style.save(drawing, folder, "picture", numbers, style.FIELD)
 
 
 def _draw_area(axes: "Axes", area: Area) -> None:

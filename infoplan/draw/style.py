@@ -112,8 +112,18 @@ def new_figure(width: float, height: float) -> "Figure":
     return figure
 
 
-def save(figure: "Figure", folder: Path, name: str, numbers: pd.DataFrame) -> list[Path]:
-    """Write a figure as PNG and PDF, and what it shows as CSV.
+PAPER, FIELD = ("png", "pdf"), ("png",)
+"""Kinds of files of a figure for print, and of a picture that is wanted in a second."""
+
+
+def save(
+    figure: "Figure",
+    folder: Path,
+    name: str,
+    numbers: pd.DataFrame,
+    kinds: tuple[str, ...] = PAPER,
+) -> list[Path]:
+    """Write a figure, and what it shows as CSV.
 
     Parameters
     ----------
@@ -123,30 +133,33 @@ def save(figure: "Figure", folder: Path, name: str, numbers: pd.DataFrame) -> li
         Where, and the files' stem.
     numbers
         The plotted numbers, one row a point.
+    kinds
+        Of the picture's files.
 
     Returns
     -------
     list of Path
-        The three files.
+        The pictures as `kinds` has them, then the CSV.
 
     Raises
     ------
     RunError
         If they cannot be written.
     """
-    paths = [folder / f"{name}.{kind}" for kind in ("png", "pdf", "csv")]
+    *pictures, table = (folder / f"{name}.{kind}" for kind in (*kinds, "csv"))
     texts = {
         str(name): column.map(csv_cell, na_action="ignore")
         for name, column in numbers.items()
         if not pd.api.types.is_numeric_dtype(column)
     }
-    with writing(paths[0]):
+    with writing(pictures[0]):
         folder.mkdir(parents=True, exist_ok=True)
-        figure.savefig(paths[0], dpi=300)
-        # Without a date the same results give the same file.
-        figure.savefig(paths[1], dpi=300, metadata={"CreationDate": None})
-        numbers.assign(**texts).to_csv(paths[2], index=False, float_format="%.10g")
-    return paths
+        for path in pictures:
+            # Without a date the same results give the same file.
+            undated = {"CreationDate": None} if path.suffix == ".pdf" else None
+            figure.savefig(path, dpi=300, metadata=undated)
+        numbers.assign(**texts).to_csv(table, index=False, float_format="%.10g")
+    return [*pictures, table]
 
 
 def show_map(

@@ -48,7 +48,7 @@ def draw_survey(
     samples, maps
         Its tables; the samples of several logs with a column ``log``.
     folder
-        Where ``picture.png``, the same as PDF, and the samples that are drawn as CSV land.
+        Where ``picture.png`` and the samples that are drawn, as CSV, land.
     place, unit
         The log's name, and the unit of its values.
 
@@ -104,7 +104,7 @@ def draw_survey(
         track.set_ylabel("m")
         numbers = samples[[*([LOG] if LOG in samples else []), "x1", "x2", "measured", "flagged",
                            "score"]]  # fmt: skip
-        return style.save(drawing, folder, "picture", numbers)
+        return style.save(drawing, folder, "picture", numbers, style.FIELD)
 
 
 def _tracks(samples: pd.DataFrame) -> dict[str, pd.DataFrame]:
