@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from infoplan.analyse.claims import COMPARISONS, NONE, SHARES, UCT
-from infoplan.analyse.judging import Comparison, Stated, corrected, overall
-from infoplan.analyse.measures import MARGIN
+from infoplan.analyse.judging import USUAL, Comparison, Rules, Stated, corrected, overall
 from infoplan.analyse.statistics import mean_band, probability_below_zero, stratified_mean
 
 Floats = NDArray[np.float64]
@@ -122,6 +121,7 @@ class MadeUp:
     spread: float = 1.0
     unit: str = "ft"
     margin: float = 60.0
+    rules: Rules = USUAL
     known: "dict[tuple[object, ...], pd.Series[float]]" = field(default_factory=dict)
 
     def numbers(self, name: str, method: str, rho: float, scope: str) -> "pd.Series[float]":
@@ -129,7 +129,7 @@ class MadeUp:
         key = (name, method, rho, scope)
         if key not in self.known:
             skew = self.skew if method in (NONE, UCT) else 0.0
-            unit = MARGIN if name in SHARES else self.margin
+            unit = self.rules.margin if name in SHARES else self.margin
             drawn = differences(skew, 1, self.size, self.rng)[0]
             self.known[key] = pd.Series(unit * self.spread * drawn)
         return self.known[key]

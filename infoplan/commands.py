@@ -470,6 +470,7 @@ def claims(
 @setting("universe", Text(), "tell about one alone, and how to fly it")
 @setting("claim", Text(), "tell what moves one claim, as C4, and draw the choices below its curve")
 @click.option("--list", "listed", is_flag=True, help="name all universes, flown or not")
+@click.option("--json", "as_json", is_flag=True, help="write how all claims fare for scripts")
 def multiverse(
     results_dir: Path,
     run: str | list[str] | None,
@@ -477,6 +478,7 @@ def multiverse(
     universe: str | None,
     claim: str | None,
     listed: bool,
+    as_json: bool,
     filters: dict[str, Any],
 ) -> int:
     """Sum up the multiverse."""
@@ -485,7 +487,7 @@ def multiverse(
     if listed:
         return list_universes()
     return multiverse(
-        results_dir, table, universe, claim, {"run": run, **_wanted(results_dir, filters)}
+        results_dir, table, universe, claim, {"run": run, **_wanted(results_dir, filters)}, as_json
     )
 
 

@@ -32,6 +32,7 @@ SOURCES = (
     "model/exponential.py",
     "model/inference/conditionals.py",
     "model/inference/neighbours.py",
+    "model/inference/pursuit.py",
     "model/kernel.py",
     *sorted(f"model/kernels/{file.name}" for file in (_PACKAGE / "model/kernels").glob("*.py")),
     "model/packed.py",

@@ -1,5 +1,6 @@
 """What ``infoplan multiverse`` does: work out or read the numbers, sum them up, draw them."""
 
+import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,14 +11,12 @@ import pandas as pd
 from infoplan.analyse.claims import TEXTS
 from infoplan.analyse.multiverse import (
     claim_curves,
-    effects_alone,
-    effects_jointly,
-    joint_test,
     nearest_tenth,
-    pairs_of_choices,
 )
 from infoplan.analyse.universe_numbers import Multiverse, collect, read, write
 from infoplan.draw.console import wide_console
+from infoplan.draw.multiverse_page import write_multiverse_page
+from infoplan.draw.multiverse_page_data import summary_data, what_moves
 from infoplan.draw.multiverse_table import (
     chosen,
     print_claim,
@@ -44,6 +43,7 @@ def multiverse(
     universe: str | None,
     claim: str | None,
     filters: Mapping[str, Any],
+    as_json: bool = False,
 ) -> int:
     """Sum up a multiverse, or tell about one universe or claim.
 
@@ -59,7 +59,11 @@ def multiverse(
         Name of one, as C4.
     filters
         Options of runs that are looked at.
+    as_json
+        Print how all claims fare for scripts, and draw nothing.
     """
+    if as_json and (universe or claim):
+        raise UsageError("--json is of all claims and universes: leave universe= and claim= out")
     one = None if universe is None else _named(universe)
     if claim is not None and claim.upper() not in TEXTS:
         raise UsageError(f"there is no claim {claim}: it is one of {', '.join(TEXTS)}")
@@ -80,21 +84,29 @@ def multiverse(
         if not curves:
             raise UsageError(f"no universe of {table} has the runs of {claim.upper()}")
         curve = curves[0]
-        print_claim(
-            numbers, curve, effects_alone(curve, numbers), effects_jointly(curve, numbers),
-            pairs_of_choices(curve, numbers), console,
-        )  # fmt: skip
+        moved = what_moves(curve, numbers)
+        print_claim(numbers, curve, moved.alone, moved.jointly, moved.pairs, moved.rules,
+                    moved.test, console)  # fmt: skip
         files = draw_claim(curve, numbers, nearest_tenth(numbers), folder)
     else:
         curves, nearest = claim_curves(numbers), nearest_tenth(numbers)
-        moves = {curve.name: effects_jointly(curve, numbers) for curve in curves}
-        tests = [joint_test(curve) for curve in curves]
+        found = {curve.name: what_moves(curve, numbers) for curve in curves}
+        if as_json:
+            document = summary_data(numbers, curves, found, nearest)
+            print(json.dumps(document, indent=2, allow_nan=False))
+            return 0
+        moves = {name: moved.jointly for name, moved in found.items()}
+        tests = [moved.test for moved in found.values()]
         print_multiverse(numbers, curves, tests, nearest, moves, console)
         files = draw_overview(curves, nearest, folder)
+        page = results_dir / "multiverse.html"
+        write_multiverse_page(page, numbers, curves, found, nearest,
+                              lambda universe: _commands(universe, numbers))  # fmt: skip
         known = {name: effects for name, effects in moves.items() if not effects.empty}
         if known:
             shares, p = (by_choice(known, column) for column in ("share", "p"))
             files += draw_effects(shares, p, folder)
+        files.append(page)
     for path in files:
         print(path)
     return 0

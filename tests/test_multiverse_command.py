@@ -1,6 +1,7 @@
 """`infoplan multiverse` over small missions of two universes."""
 
 import io
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from universes import by_choice, made_up
 
 from infoplan.analyse import find_study, judge_claims, load_curves
 from infoplan.analyse.claims import COMPARISONS
+from infoplan.analyse.judging import Rules
 from infoplan.analyse.multiverse import claim_curves
 from infoplan.analyse.universe_numbers import collect, read, write
 from infoplan.cli import main
@@ -79,6 +81,30 @@ def test_numbers_are_those_by_which_claims_are_judged(flown, numbers):
     assert curve.universes == (DEFAULT, FLOOR)
 
 
+def test_other_rules_are_those_by_which_claims_are_judged(flown, numbers):
+    study = find_study(flown, **{"model.min_noise_variance": 1, "model.iterations": 5})
+    for rules in (Rules(margin=0.1), Rules(early=(100, 300))):
+        for name in ("C2", "C5", "C8"):
+            (claim,) = judge_claims(study, [name], rules)
+            made = COMPARISONS[name](numbers.judged_by(rules)[FLOOR])
+            for one, other in zip(made, claim.comparisons, strict=True):
+                assert (one.what, one.stated) == (other.what, other.stated)
+                assert one.values == pytest.approx(other.values)
+    (usual,), (wide,) = (judge_claims(study, ["C2"], rules) for rules in (Rules(), Rules(0.1)))
+    assert wide.comparisons[0].stated.high == pytest.approx(2 * usual.comparisons[0].stated.high)
+
+
+def test_the_mean_over_early_samples_is_that_of_the_curve(flown, numbers):
+    row = numbers.missions[numbers.missions["method"] == "PUCT-COPOD"].iloc[0]
+    curves = load_curves(flown, method="PUCT-COPOD", scope="batch", seed=int(row["seed"]))
+    own = curves[curves["rmse"].map(lambda end: np.isclose(end, row["final"]))]["run"]
+    curve = curves[curves["run"] == own.iloc[0]]
+    axis = np.linspace(100, 200, 100_001)
+    rmse = np.interp(axis, curve["collected"], curve["rmse"])
+    assert row["early_100_300"] == pytest.approx(rmse.mean(), rel=1e-4)
+    assert row["early"] == pytest.approx(rmse[axis >= 150].mean(), rel=1e-4)
+
+
 def test_the_curve_that_is_kept_is_that_of_the_mission(flown, numbers):
     row = numbers.missions[numbers.missions["method"] == "PUCT-COPOD"].iloc[0]
     curves = load_curves(flown, method="PUCT-COPOD", scope="batch", seed=int(row["seed"]))
@@ -112,6 +138,8 @@ def test_a_claim_tells_what_moves_it_and_draws_the_choices_below_its_curve(tmp_p
     out = capsys.readouterr().out
     assert re.search(r"noise +floor 1 +5\d\d \[.*\] +undecided|noise +floor 1 +5\d\d", out)
     assert re.search(r"noise x pilot|pilot x noise", out)
+    assert re.search(r"margin +10 % +0 \[0, 0\] +contradicted", out)
+    assert "p 0.0312; 100 % of the universes on one side of zero" in " ".join(out.split())
     assert (tmp_path / "figures" / "multiverse_c7.png").exists()
     assert main(["multiverse", "claim=C13", f"table={table}"]) == 2
     assert "C1, C2" in capsys.readouterr().err
@@ -128,6 +156,24 @@ def test_a_universe_tells_the_commands_that_fly_it(flown, capsys):
     assert len(lines) == len(list(universe.lines()))
     assert all("model.min_noise_variance=1" in line and "budget=200" in line for line in lines)
     assert main([*lines[0].split(), "--dry-run", f"results_dir={flown}"]) == 0
+
+
+def test_scripts_are_told_how_claims_fare(tmp_path, capsys):
+    table = tmp_path / "numbers.parquet"
+    made = made_up(by_choice, there=universes()[:4])
+    write(made, table)
+    assert main(["multiverse", "--json", f"table={table}", f"results_dir={tmp_path}"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [claim["name"] for claim in told["claims"]] == [f"C{n}" for n in range(1, 13)]
+    (curve,) = claim_curves(made, ["C7"])
+    points = told["claims"][6]["points"]
+    assert [point["verdict"] for point in points] == list(curve.verdicts)
+    assert [point["mean"] for point in points] == pytest.approx(curve.means, rel=1e-3)
+    assert told["claims"][6]["test"]["one_side"] == 1.0
+    assert list(told["universes"]) == list(curve.universes)
+    assert not (tmp_path / "multiverse.html").exists()
+    assert main(["multiverse", "--json", "claim=C7", f"table={table}"]) == 2
+    assert "leave universe= and claim= out" in capsys.readouterr().err
 
 
 def test_what_is_not_there_is_told(flown, tmp_path, capsys):

@@ -5,7 +5,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from infoplan.analyse.universe_numbers import NUMBERS, Multiverse
+from infoplan.analyse.judging import USUAL
+from infoplan.analyse.universe_numbers import NUMBERS, OTHERS, Multiverse
 from infoplan.study.universes import METHODS, universes
 
 MARGIN = 60.0
@@ -24,10 +25,11 @@ def made_up(final, seed=0, noise=5.0, there=ALL):
             end = final(universe, method, rho) + noise * rng.standard_normal()
             rows.append(
                 {"universe": universe.name, "method": method, "rho": rho, "scope": scope,
-                 "seed": number, **dict.fromkeys(NUMBERS, end), "collapsed": False,
+                 "seed": number, **dict.fromkeys((*NUMBERS, *OTHERS), end), "collapsed": False,
                  "rmse": np.full(len(AXIS), end)}
             )  # fmt: skip
-    return Multiverse(pd.DataFrame(rows), AXIS, "helens", "ft", 2000, "gp", MARGIN)
+    return Multiverse(pd.DataFrame(rows), AXIS, "helens", "ft", 2000, "gp",
+                      MARGIN / USUAL.margin)  # fmt: skip
 
 
 def by_choice(universe, method, rho):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         value_at,
     )
     from infoplan.analyse.detection import detector_quality, rejudge, roc_auc
-    from infoplan.analyse.judging import Claim, Comparison, Stated
+    from infoplan.analyse.judging import Claim, Comparison, Rules, Stated
     from infoplan.analyse.relief import by_relief
     from infoplan.analyse.statistics import (
         Interval,
@@ -58,7 +58,7 @@ _HOMES = {
         "value_at",
     ),
     "detection": ("detector_quality", "rejudge", "roc_auc"),
-    "judging": ("Claim", "Comparison", "Stated"),
+    "judging": ("Claim", "Comparison", "Rules", "Stated"),
     "relief": ("by_relief", "local_relief"),
     "statistics": (
         "Interval",
@@ -89,6 +89,7 @@ __all__ = [
     "Comparison",
     "Interval",
     "PairedDifference",
+    "Rules",
     "Selection",
     "Stated",
     "area_under_curve",

@@ -7,9 +7,17 @@ from typing import Protocol
 import pandas as pd
 
 from infoplan.analyse.commands import commands
-from infoplan.analyse.curves import EARLY, LATE
-from infoplan.analyse.judging import Claim, Comparison, Stated, corrected, with_holm
-from infoplan.analyse.measures import MARGIN, Measures
+from infoplan.analyse.curves import LATE
+from infoplan.analyse.judging import (
+    USUAL,
+    Claim,
+    Comparison,
+    Rules,
+    Stated,
+    corrected,
+    with_holm,
+)
+from infoplan.analyse.measures import Measures
 from infoplan.analyse.tables import Selection
 
 NONE, BEST, UCT, PUCT = "UCT-NONE", "UCT-BEST", "UCT-COPOD", "PUCT-COPOD"
@@ -45,7 +53,7 @@ WHERE = {
 
 WORDS = {
     "final": "final RMSE",
-    "early": f"RMSE over {EARLY[0]}-{EARLY[1]} samples",
+    "early": "RMSE over {}-{} samples",
     "late": f"RMSE from {LATE} samples on",
     "rise": "final RMSE - its own minimum",
     "precision": "precision",
@@ -55,13 +63,16 @@ WORDS = {
     "recall_lost": "recall, own batch - all at the end",
     "returned": "share near an earlier flagged sample",
 }
-"""What the numbers a mission are, in words; docs/replication.md defines them."""
+"""What the numbers a mission are, in words; docs/replication.md defines them. Early samples are
+those of the rules."""
 
 SHARES = ("precision", "recall_lost", "returned")
 """Numbers without a unit."""
 
 
-def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Claim]:
+def judge_claims(
+    selection: Selection, names: Iterable[str] = TEXTS, rules: Rules = USUAL
+) -> list[Claim]:
     """Judge the paper's claims by the stored results.
 
     Parameters
@@ -71,13 +82,15 @@ def judge_claims(selection: Selection, names: Iterable[str] = TEXTS) -> list[Cla
         rho alone.
     names
         Which claims; all if not given.
+    rules
+        What is negligible, and what is early.
 
     Returns
     -------
     list of Claim
         In the order of the names, with Holm's correction over all of them.
     """
-    measures = Measures(selection)
+    measures = Measures(selection, rules)
     claims = []
     for name in names:
         measures.missing.clear()
@@ -97,6 +110,10 @@ class Numbers(Protocol):
         """Unit of elevations and errors."""
 
     @property
+    def rules(self) -> Rules:
+        """What is negligible of shares, and what is early."""
+
+    @property
     def margin(self) -> float:
         """What is negligible of elevations and errors, in that unit."""
 
@@ -109,7 +126,7 @@ def single(
 ) -> Comparison:
     """Compare a number of one method with the bounds stated, which are in margins."""
     effect = e.numbers(name, method, rho, scope)
-    return _comparison(e, f"{method}: {WORDS[name]}", name, side, effect)
+    return _comparison(e, f"{method}: {words(name, e.rules)}", name, side, effect)
 
 
 def pair(
@@ -124,14 +141,19 @@ def pair(
     """Compare two methods by the difference a - b, paired by seed; the bounds in margins."""
     first, second = e.numbers(name, a, rho, scope), e.numbers(name, b, rho, scope)
     effect = None if first is None or second is None else first - second
-    return _comparison(e, f"{a} - {b}: {WORDS[name]}", name, side, effect)
+    return _comparison(e, f"{a} - {b}: {words(name, e.rules)}", name, side, effect)
+
+
+def words(name: str, rules: Rules) -> str:
+    """Say what a number a mission is."""
+    return WORDS[name].format(*rules.early) if name == "early" else WORDS[name]
 
 
 def _comparison(
     e: Numbers, what: str, name: str, side: Stated, effect: "pd.Series[float] | None"
 ) -> Comparison:
     unit = "" if name in SHARES else e.unit
-    stated = side.times(MARGIN if name in SHARES else e.margin)
+    stated = side.times(e.rules.margin if name in SHARES else e.margin)
     known = [] if effect is None else effect.dropna().sort_index().items()
     values = {int(str(seed)): float(value) for seed, value in known}
     lacks = ""

@@ -198,7 +198,9 @@ def area_under_curve(curves: pd.DataFrame, column: str = "rmse") -> "pd.Series[f
     return pd.Series(list(areas.values()), index=index, name="area")
 
 
-def summarise(curves: pd.DataFrame, column: str = "rmse") -> pd.DataFrame:
+def summarise(
+    curves: pd.DataFrame, column: str = "rmse", early: tuple[int, int] = EARLY
+) -> pd.DataFrame:
     """Sum up each mission's curve in a few numbers.
 
     Parameters
@@ -207,12 +209,14 @@ def summarise(curves: pd.DataFrame, column: str = "rmse") -> pd.DataFrame:
         As `load_curves` returns them.
     column
         Which column, in its unit.
+    early
+        Which collected samples are early: from, to.
 
     Returns
     -------
     DataFrame
         Indexed by run and seed: method, scope, rho; ``final`` (at the budget), ``minimum``,
-        ``early`` (mean over 150 to 500 collected samples), ``late`` (mean from 1000 on) and
+        ``early`` (mean over these collected samples), ``late`` (mean from 1000 on) and
         ``area`` (mean over the whole curve), NaN where a mission is too short; confusion counts of
         the mission (scope batch adds the epochs up, historical judges everything at the end) with
         precision, recall and false_alarm_rate; ``seconds`` computed; and the options in which the
@@ -232,7 +236,7 @@ def summarise(curves: pd.DataFrame, column: str = "rmse") -> pd.DataFrame:
                 "rho": last["rho"],
                 "final": last[column],
                 "minimum": curve[column].min(),
-                "early": mean_between(curve, *EARLY, column),
+                "early": mean_between(curve, *early, column),
                 "late": mean_between(curve, LATE, np.inf, column),
                 "area": areas[key],
                 "tp": tp,

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from infoplan.analyse.curves import EARLY
 from infoplan.analyse.statistics import (
     TAIL,
     Alternative,
@@ -28,6 +29,10 @@ SUPPORTED, CONTRADICTED, UNDECIDED, MISSING = "supported", "contradicted", "unde
 SEEDS_NEEDED = 6
 """With fewer seeds no exact one-sided p can be as small as 0.025: 2^-5 is 0.031."""
 
+MARGIN = 0.05
+"""What is negligible: of shares five points in a hundred, of elevations and errors this share of
+the terrain's standard deviation."""
+
 Test = Callable[[NDArray[np.float64], Alternative], float]
 """A test that the mean of some numbers is zero."""
 
@@ -42,6 +47,27 @@ class Stated:
     def times(self, margin: float) -> "Stated":
         """Give the same in another unit: bounds of 1 become the margin."""
         return Stated(self.low * margin, self.high * margin)
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What is decided about claims after all missions are flown.
+
+    Attributes
+    ----------
+    margin
+        What is negligible: of shares so much, of elevations and errors this share of the terrain's
+        standard deviation.
+    early
+        Which collected samples are early: from, to.
+    """
+
+    margin: float = MARGIN
+    early: tuple[int, int] = EARLY
+
+
+USUAL = Rules()
+"""The rules where no others are given."""
 
 
 @dataclass(frozen=True)

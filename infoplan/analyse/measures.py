@@ -10,13 +10,10 @@ import pandas as pd
 from infoplan.analyse.commands import Wanted
 from infoplan.analyse.curves import collapsed_ends, missions, summarise
 from infoplan.analyse.detection import detector_options, rejudge
+from infoplan.analyse.judging import USUAL, Rules
 from infoplan.analyse.relief import relief_at
 from infoplan.analyse.tables import Selection, load_curves, load_maps, load_samples
 from infoplan.collapse import counted_ends
-
-MARGIN = 0.05
-"""What is negligible: of shares five points in a hundred, of elevations and errors this share of
-the terrain's standard deviation."""
 
 NEARBY = 2.0
 """A sample this near to a flagged one has gone back to it, workspace units."""
@@ -30,6 +27,8 @@ class Measures:
     ----------
     selection
         Where they come from.
+    rules
+        By which claims are judged.
     missing
         Runs that were asked for and are not there.
     asked
@@ -37,6 +36,7 @@ class Measures:
     """
 
     selection: Selection
+    rules: Rules = USUAL
     missing: list[Wanted] = field(default_factory=list)
     asked: dict[str, str] = field(default_factory=dict)
 
@@ -48,7 +48,7 @@ class Measures:
     @cached_property
     def summaries(self) -> pd.DataFrame:
         """Curves summed up, one row a mission."""
-        summaries = summarise(self.curves)
+        summaries = summarise(self.curves, early=self.rules.early)
         summaries["rise"] = summaries["final"] - summaries["minimum"]
         return summaries
 
@@ -63,10 +63,15 @@ class Measures:
         return self.selection.unit
 
     @cached_property
+    def deviation(self) -> float:
+        """Standard deviation of the terrain, its unit."""
+        first = self.selection.missions["run"].iloc[0]
+        return float(load_maps(self.selection.only([first]))["truth"].std(ddof=0))
+
+    @property
     def margin(self) -> float:
         """Margin of elevations and errors, the terrain's unit."""
-        first = self.selection.missions["run"].iloc[0]
-        return MARGIN * float(load_maps(self.selection.only([first]))["truth"].std(ddof=0))
+        return self.rules.margin * self.deviation
 
     def collapsed(self) -> dict[str, tuple[int, int]]:
         """How many missions of the runs asked for end collapsed, of how many, by method."""

@@ -13,9 +13,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.analyse.claims import COMPARISONS, TEXTS
-from infoplan.analyse.judging import Comparison, Stated, corrected, overall
+from infoplan.analyse.judging import (
+    CONTRADICTED,
+    SUPPORTED,
+    UNDECIDED,
+    USUAL,
+    Comparison,
+    Rules,
+    Stated,
+    corrected,
+    overall,
+)
 from infoplan.analyse.statistics import Interval, holm, mean_interval
-from infoplan.analyse.universe_numbers import Multiverse
+from infoplan.analyse.universe_numbers import EARLY_WINDOWS, Multiverse, OfUniverse
 from infoplan.study.universes import CHOICES, DEFAULT, Universe
 
 Floats = NDArray[np.float64]
@@ -31,6 +41,18 @@ NEAREST = 0.1
 """Share of the universes that is looked at as the nearest to the clip."""
 
 
+VERDICTS = (SUPPORTED, CONTRADICTED, UNDECIDED)
+
+MARGINS = (USUAL.margin, 0.025, 0.1)
+"""Readings of what is negligible, the usual first."""
+
+RULES: Mapping[str, Mapping[str, Rules]] = {
+    "margin": {f"{100 * margin:g} %": Rules(margin=margin) for margin in MARGINS},
+    "early samples": {f"{low}-{high}": Rules(early=(low, high)) for low, high in EARLY_WINDOWS},
+}
+"""Choices that no mission depends on, with their levels, the usual first."""
+
+
 @dataclass(frozen=True)
 class ClaimCurve:
     """One claim over all universes.
@@ -39,8 +61,10 @@ class ClaimCurve:
     ----------
     name
         As C1.
+    binding
+        Place of the comparison that binds among those of the claim.
     what, unit, stated
-        The comparison that binds.
+        That comparison.
     universes
         Names, in the order in which they are flown.
     effects
@@ -53,6 +77,7 @@ class ClaimCurve:
     """
 
     name: str
+    binding: int
     what: str
     unit: str
     stated: Stated
@@ -92,9 +117,9 @@ class JointTest:
     median, p_median
         Median over universes of the mean effect, and how often that of flipped signs is as far
         from zero.
-    positive, p_positive
-        Larger share of universes on one side of zero, and how often that of flipped signs is as
-        large.
+    one_side
+        Larger share of universes whose mean effect is on one side of zero. It is no test: universes
+        that share their seeds mostly stay on one side when signs are flipped, too.
     mean_t, p_mean_t
         Mean over universes of Student's t, and how often that of flipped signs is as far from zero.
     flips
@@ -104,8 +129,7 @@ class JointTest:
 
     median: float
     p_median: float
-    positive: float
-    p_positive: float
+    one_side: float
     mean_t: float
     p_mean_t: float
     flips: int
@@ -129,21 +153,79 @@ def claim_curves(multiverse: Multiverse, names: Sequence[str] = tuple(TEXTS)) ->
     universes = [universe.name for universe in multiverse.universes]
     curves = []
     for name in names:
-        compared = {one: corrected(COMPARISONS[name](multiverse.numbers[one])) for one in universes}
-        there = {one: items for one, items in compared.items() if not any(i.lacks for i in items)}
+        there = _compared(name, {one: multiverse.numbers[one] for one in universes})
         if there:
-            curves.append(_curve(name, there))
+            short = np.array([[_slack(item) for item in items] for items in there.values()])
+            binding = int(np.bincount(short.argmin(axis=1)).argmax())
+            curves.append(_curve(name, there, binding))
     return curves
 
 
-def _curve(name: str, compared: Mapping[str, Sequence[Comparison]]) -> ClaimCurve:
-    short = np.array([[_slack(item) for item in items] for items in compared.values()])
-    binding = int(np.bincount(short.argmin(axis=1)).argmax())
+def effects_of_rules(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
+    """Judge a claim by other rules, from the same missions.
+
+    Parameters
+    ----------
+    curve
+        Of the claim by the usual rules; the comparison that binds stays that one.
+    multiverse
+        The numbers.
+
+    Returns
+    -------
+    DataFrame
+        A row a level of `RULES`, of those choices that can matter to the claim: choice, level;
+        mean, low, high of the difference of the effect from that by the usual rules in the default
+        universe, paired by seed, with 95 % t intervals, and the claim's verdict there (NaN and
+        empty without the default universe); in how many universes it is ``supported``,
+        ``contradicted`` and ``undecided``.
+    """
+    rows = []
+    for choice, levels in RULES.items():
+        if choice == "early samples" and not _uses_early(curve, multiverse):
+            continue
+        for level, rules in levels.items():
+            other = curve
+            if rules != USUAL:
+                compared = _compared(curve.name, multiverse.judged_by(rules))
+                if not compared:
+                    continue
+                other = _curve(curve.name, compared, curve.binding)
+            verdict, moved = "", mean_interval([])
+            if DEFAULT in other.universes and DEFAULT in curve.universes:
+                verdict = other.verdicts[other.universes.index(DEFAULT)]
+                moved = mean_interval(_default_effects(other) - _default_effects(curve))
+            rows.append(
+                {"choice": choice, "level": level, "mean": moved.mean, "low": moved.low,
+                 "high": moved.high, "verdict": verdict,
+                 **{one: other.verdicts.count(one) for one in VERDICTS}}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _uses_early(curve: ClaimCurve, multiverse: Multiverse) -> bool:
+    """Tell whether a claim compares numbers of early samples."""
+    first, compare = curve.universes[0], COMPARISONS[curve.name]
+    by = [multiverse.judged_by(rules)[first] for rules in RULES["early samples"].values()]
+    return len({one.what for numbers in by for one in compare(numbers)}) > len(compare(by[0]))
+
+
+def _default_effects(curve: ClaimCurve) -> Floats:
+    return curve.effects[curve.universes.index(DEFAULT)]
+
+
+def _compared(name: str, numbers: Mapping[str, OfUniverse]) -> dict[str, tuple[Comparison, ...]]:
+    """Make a claim's comparisons in every universe that has the runs."""
+    compared = {one: corrected(COMPARISONS[name](found)) for one, found in numbers.items()}
+    return {one: items for one, items in compared.items() if not any(i.lacks for i in items)}
+
+
+def _curve(name: str, compared: Mapping[str, Sequence[Comparison]], binding: int) -> ClaimCurve:
     chosen = [items[binding] for items in compared.values()]
     seeds = tuple(sorted({seed for item in chosen for seed in item.values}))
     effects = [[item.values.get(seed, np.nan) for seed in seeds] for item in chosen]
     return ClaimCurve(
-        name, chosen[0].what, chosen[0].unit, chosen[0].stated, tuple(compared),
+        name, binding, chosen[0].what, chosen[0].unit, chosen[0].stated, tuple(compared),
         np.array(effects), seeds,
         tuple(overall([item.verdict for item in items]) for items in compared.values()),
     )  # fmt: skip
@@ -165,7 +247,7 @@ def effects_alone(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
     """
     if DEFAULT not in curve.universes:
         return pd.DataFrame(columns=["choice", "level", "mean", "low", "high", "verdict"])
-    base = curve.effects[curve.universes.index(DEFAULT)]
+    base = _default_effects(curve)
     rows = []
     for universe in multiverse.universes:
         changed = [c for c in CHOICES if universe.levels[c.name] != c.default]
@@ -265,24 +347,24 @@ def joint_test(curve: ClaimCurve) -> JointTest:
     effects = curve.effects[:, np.isfinite(curve.effects).all(axis=0)]
     n = effects.shape[1]
     if n < 2:
-        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, 0)
     signs = np.array(list(product((1.0, -1.0), repeat=n)))
-    medians, shares_, mean_ts = (np.empty(len(signs)) for _ in range(3))
+    medians, mean_ts = (np.empty(len(signs)) for _ in range(2))
     for place, flipped in enumerate(signs):
         values = effects * flipped
         means = values.mean(axis=1)
         errors = np.maximum(values.std(axis=1, ddof=1), np.finfo(float).tiny) / np.sqrt(n)
         medians[place] = np.median(means)
-        shares_[place] = max(np.mean(means > 0), np.mean(means < 0))
         mean_ts[place] = np.mean(means / errors)
 
     def p(values: Floats) -> float:
         return float(np.mean(np.abs(values) >= abs(values[0]) * (1.0 - 1e-12)))
 
+    means = effects.mean(axis=1)
+    one_side = float(max(np.mean(means > 0), np.mean(means < 0)))
     return JointTest(
-        float(medians[0]), p(medians), float(shares_[0]), p(shares_), float(mean_ts[0]),
-        p(mean_ts), len(signs),
-    )  # fmt: skip
+        float(medians[0]), p(medians), one_side, float(mean_ts[0]), p(mean_ts), len(signs)
+    )
 
 
 def nearness(multiverse: Multiverse) -> pd.DataFrame:

@@ -16,7 +16,8 @@ import yaml
 from joblib import Parallel, delayed
 
 from infoplan.analyse.configurations import Options, defaults_of
-from infoplan.analyse.curves import value_at
+from infoplan.analyse.curves import EARLY, mean_between, value_at
+from infoplan.analyse.judging import USUAL, Rules
 from infoplan.analyse.measures import MEASURES, Measures
 from infoplan.analyse.tables import Selection, find_missions, study_of
 from infoplan.errors import UsageError
@@ -25,6 +26,10 @@ from infoplan.study.universes import CHOICES, METHODS, Universe, universes
 
 SUMMED = ("final", "early", "late", "rise", "precision")
 """Numbers out of a mission's curve; the others take its samples and maps."""
+
+EARLY_WINDOWS = (EARLY, (100, 300), (100, 1000))
+"""Readings of the paper's early stage, the usual first: the first epochs after the pilot, and all
+before the 1000 samples after which the paper says that COPOD helps."""
 
 NUMBERS = (*SUMMED, *MEASURES)
 LABELS = ("universe", "method", "rho", "scope", "seed")
@@ -50,14 +55,14 @@ class Multiverse:
     ----------
     missions
         A row a mission and universe: `LABELS`; the numbers that claims compare, `NUMBERS`, NaN
-        where a mission has none; ``collapsed``, true or false; and ``rmse``, the values of its
-        curve at `axis`.
+        where a mission has none, and those of other early samples (`early_column`);
+        ``collapsed``, true or false; and ``rmse``, the values of its curve at `axis`.
     axis
         Numbers of collected samples.
     terrain, unit, budget, model
         Common to all missions.
-    margin
-        What is negligible of errors, in that unit.
+    deviation
+        Standard deviation of the terrain, in that unit.
     """
 
     missions: pd.DataFrame
@@ -66,7 +71,7 @@ class Multiverse:
     unit: str
     budget: int
     model: str
-    margin: float
+    deviation: float
 
     @property
     def universes(self) -> list[Universe]:
@@ -77,11 +82,22 @@ class Multiverse:
     @cached_property
     def numbers(self) -> dict[str, "OfUniverse"]:
         """The numbers of each universe, as claims are judged by."""
+        return self.judged_by(USUAL)
+
+    def judged_by(self, rules: Rules) -> dict[str, "OfUniverse"]:
+        """Give the numbers of each universe by other rules, of `EARLY_WINDOWS` and any margin."""
+        return {
+            name: OfUniverse(found, self.unit, self.deviation, rules)
+            for name, found in self._runs.items()
+        }
+
+    @cached_property
+    def _runs(self) -> dict[str, dict[tuple[str, float, str], pd.DataFrame]]:
         runs: dict[str, dict[tuple[str, float, str], pd.DataFrame]] = {}
         grouped: Any = self.missions.set_index("seed").groupby(list(LABELS[:-1]), sort=False)
         for (universe, method, rho, scope), rows in grouped:
             runs.setdefault(universe, {})[method, rho, scope] = rows
-        return {name: OfUniverse(found, self.unit, self.margin) for name, found in runs.items()}
+        return runs
 
 
 @dataclass(frozen=True)
@@ -90,14 +106,29 @@ class OfUniverse:
 
     runs: Mapping[tuple[str, float, str], pd.DataFrame]
     unit: str
-    margin: float
+    deviation: float
+    rules: Rules = USUAL
+
+    @property
+    def margin(self) -> float:
+        """What is negligible of errors."""
+        return self.rules.margin * self.deviation
 
     def numbers(self, name: str, method: str, rho: float, scope: str) -> "pd.Series[float] | None":
         """Give one number a seed; None if there is no such run."""
         found = self.runs.get((method, rho, scope))
         # None and best are the same missions under both scopes, and stored under one.
         found = self.runs.get((method, rho, "batch")) if found is None else found
-        return None if found is None else found[name]
+        column = early_column(self.rules.early) if name == "early" else name
+        return None if found is None else found[column]
+
+
+def early_column(early: tuple[int, int]) -> str:
+    """Name the column with the mean RMSE over these collected samples."""
+    return "early" if early == EARLY else f"early_{early[0]}_{early[1]}"
+
+
+OTHERS = tuple(map(early_column, EARLY_WINDOWS[1:]))
 
 
 def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any) -> Multiverse:
@@ -143,16 +174,17 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
         else column.map(METHODS.index) if column.name == "method" else column, ignore_index=True,
     )  # fmt: skip
     first = next(iter(selection.options.values()))
+    columns = [*LABELS, *NUMBERS, *OTHERS, "collapsed", "rmse"]
     return Multiverse(
-        missions[[*LABELS, *NUMBERS, "collapsed", "rmse"]], axis, selection.terrain, selection.unit,
-        selection.budget, str(first["model.name"]), Measures(selection).margin,
+        missions[columns], axis, selection.terrain, selection.unit, selection.budget,
+        str(first["model.name"]), Measures(selection).deviation,
     )  # fmt: skip
 
 
 def write(multiverse: Multiverse, path: Path) -> None:
     """Write the missions as Parquet, with what they have in common in its metadata."""
     about = {name: value for name, value in vars(multiverse).items()
-             if name not in ("missions", "numbers")}  # fmt: skip
+             if name not in ("missions", "numbers", "_runs")}  # fmt: skip
     table = pa.Table.from_pandas(multiverse.missions, preserve_index=False)
     for place, field in enumerate(table.schema):
         if field.type == pa.list_(pa.float64()):
@@ -233,6 +265,9 @@ def _of_run(run: Selection, axis: tuple[int, ...]) -> pd.DataFrame:
         frame[number] = measure(run).reindex(frame.index) if asked else np.nan
     frame["collapsed"] = [measures.ends[name, seed] for seed in frame.index]
     curves = measures.curves
+    for early in EARLY_WINDOWS[1:]:
+        means = {seed: mean_between(rows, *early) for seed, rows in curves.groupby("seed")}
+        frame[early_column(early)] = pd.Series(means)
     frame["rmse"] = pd.Series(
         {seed: value_at(rows, np.asarray(axis)) for seed, rows in curves.groupby("seed")}
     )

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from infoplan.analyse.claims import COMPARISONS, TEXTS
 from infoplan.analyse.judging import Claim, corrected
-from infoplan.analyse.multiverse import ClaimCurve, JointTest
+from infoplan.analyse.multiverse import VERDICTS, ClaimCurve, JointTest
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.claims_table import effect
 from infoplan.draw.console import say, say_command
@@ -62,6 +62,8 @@ def print_claim(
     alone: pd.DataFrame,
     jointly: pd.DataFrame,
     pairs: pd.DataFrame,
+    rules: pd.DataFrame,
+    test: JointTest,
     console: Console,
 ) -> None:
     """Print how much every level moves the effect that binds a claim, alone and jointly."""
@@ -91,7 +93,18 @@ def print_claim(
                     _moved(other), f"{100 * other['share']:.0f} %" if other else "",
                     figure(other["p"]) if other else "",
                 ])  # fmt: skip
+    for row in rules.to_dict("records"):
+        verdict = str(row["verdict"])
+        rows.append([
+            row["choice"], row["level"], _moved(row) if verdict else "",
+            Text(verdict, style=TERMINAL.get(verdict, "")), "", "", "",
+        ])  # fmt: skip
     print_table(console, heading(multiverse), columns, rows, named=2)
+    for row in rules.to_dict("records"):
+        told = ", ".join(f"{row[one]} {one}" for one in VERDICTS)
+        say(console, f"{row['choice']} {row['level']}, all universes: {told}", indent="    ")
+    if test.flips:
+        say(console, _all_at_once(test, curve.unit), indent="    ")
     for pair in pairs.to_dict("records"):
         named = f"{pair['first']} x {pair['second']}: {100 * pair['share']:.0f} % more"
         told = f"{named}, p {figure(pair['p'])}; {pair['levels']}: {_moved(pair)}"
@@ -99,7 +112,18 @@ def print_claim(
     say(console, "alone: against the defaults, paired by seed; jointly: whatever the other choices "
                  "are, by least squares over all universes; share: of the variance over universes "
                  "that only this choice explains, p of its F test by Holm; pairs: what both "
-                 "together do beyond both alone")  # fmt: skip
+                 "together do beyond both alone; margin and early samples are no missions' "
+                 "choices: the claim is judged anew in all universes")  # fmt: skip
+
+
+def _all_at_once(test: JointTest, unit: str) -> str:
+    """Say what the joint test of a claim finds."""
+    return (
+        f"over all universes at once, by {test.flips} sign flips of the seeds: median effect "
+        f"{figure(test.median)}{f' {unit}' if unit else ''}, p {figure(test.p_median)}; "
+        f"mean t {figure(test.mean_t)}, p {figure(test.p_mean_t)}; {100 * test.one_side:.0f} % of "
+        "the universes on one side of zero"
+    )
 
 
 def _moved(effect: Mapping[Any, Any] | None) -> str:
@@ -150,10 +174,15 @@ def heading(multiverse: Multiverse) -> str:
     )
 
 
+def default_verdict(curve: ClaimCurve) -> str:
+    """Verdict in the default universe; a stroke if that was not flown."""
+    if DEFAULT not in curve.universes:
+        return "-"
+    return curve.verdicts[curve.universes.index(DEFAULT)]
+
+
 def _fate(curve: ClaimCurve, test: JointTest, nearest: Sequence[str]) -> list[Cell]:
-    verdict = "-"
-    if DEFAULT in curve.universes:
-        verdict = curve.verdicts[curve.universes.index(DEFAULT)]
+    verdict = default_verdict(curve)
     near = [v for name, v in zip(curve.universes, curve.verdicts, strict=True) if name in nearest]
     unit = f" {curve.unit}" if curve.unit else ""
     return [

@@ -17,7 +17,14 @@ HERE = Path(__file__).parent
 
 
 def fill_page(
-    name: str, data: Any, parts: dict[str, str], *, brand: str, first: str, first_words: str
+    name: str,
+    data: Any,
+    parts: dict[str, str],
+    *,
+    brand: str,
+    first: str,
+    first_words: str,
+    charts: bool = False,
 ) -> str:
     """Put a page together that needs nothing besides itself.
 
@@ -33,8 +40,10 @@ def fill_page(
         What kind of page of infoplan's it is.
     first, first_words
         Identifier of the section that a keyboard can skip to, and what that is called.
+    charts
+        Whether it has charts of lines, or verdicts.
     """
-    both = ("page", name)
+    sheets = ("page", *(["charts"] if charts else []), name)
     body = Template((HERE / f"{name}.html").read_text(encoding="utf-8")).substitute(parts)
     return Template((HERE / "page.html").read_text(encoding="utf-8")).substitute(
         title=parts["title"],
@@ -44,8 +53,8 @@ def fill_page(
         first_words=first_words,
         body=body,
         data=embedded(data),
-        style=style_sheet(*both),
-        script="\n".join((HERE / f"{one}.js").read_text(encoding="utf-8") for one in both),
+        style=style_sheet(*sheets),
+        script="\n".join((HERE / f"{one}.js").read_text(encoding="utf-8") for one in sheets),
         version=as_html(version("infoplan")),
     )
 

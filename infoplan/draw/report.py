@@ -24,7 +24,6 @@ from infoplan.config import is_survey
 from infoplan.draw import claims_table, explain_table, fault_table
 from infoplan.draw.page import (
     as_html,
-    dash_array,
     fill_page,
     html_table,
     sentence,
@@ -36,6 +35,7 @@ from infoplan.draw.report_data import (
     alarm_map,
     calibration_charts,
     curve_charts,
+    method_looks,
     panels_of,
     provenance_facts,
     quality_charts,
@@ -134,7 +134,7 @@ def _rendered(selection: Selection) -> str:
     sources = [] if surveyed else stored_explanations(selection)
     data = {
         "unit": selection.unit,
-        "methods": _methods(panels),
+        "methods": method_looks({method for panel in panels for method in panel.runs}),
         "axis": findings.axis.tolist(),
         "panels": curve_charts(panels, findings),
         "calibration": calibration,
@@ -165,7 +165,13 @@ def _rendered(selection: Selection) -> str:
         "provenance": _provenance(selection, footers),
     }
     return fill_page(
-        "report_page", data, parts, brand="report", first="summary", first_words="summary"
+        "report_page",
+        data,
+        parts,
+        brand="report",
+        first="summary",
+        first_words="summary",
+        charts=True,
     )
 
 
@@ -179,21 +185,6 @@ def _judged(selection: Selection) -> tuple[list[Claim], str]:
         return [], f"the claims were not judged: {error}"
     left_out = [note for note in study.notes if note not in selection.notes]
     return judge_claims(study), "; ".join(left_out)
-
-
-def _methods(panels: Sequence[Panel]) -> list[dict[str, Any]]:
-    """Name, colour, line and first state of each method; the paper's are shown first."""
-    present = {method for panel in panels for method in panel.runs}
-    papers_own = present & set(METHODS)
-    return [
-        {
-            "name": method,
-            "colour": look.colour,
-            "dash": dash_array(look),
-            "shown": method in (papers_own or present),
-        }
-        for method, look in looks(present).items()
-    ]
 
 
 def _first(candidates: Sequence[dict[str, Any]], wanted: dict[str, str]) -> int:

@@ -5,7 +5,7 @@ import io
 import math
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from infoplan.analyse.claims import METHODS
 from infoplan.analyse.curves import (
     collapsed_ends,
     common_axis,
@@ -34,6 +35,7 @@ from infoplan.collapse import counted_ends, share_text
 from infoplan.config import is_survey
 from infoplan.draw.calibration import coverage
 from infoplan.draw.line_panels import PANELS
+from infoplan.draw.page import dash_array
 from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.records import Footer
 from infoplan.study.store import read_footer, read_table, table_path
@@ -163,6 +165,20 @@ def read_findings(selection: Selection) -> Findings:
     return Findings(axis, on_common_axis(curves, axis), summarise(curves), ends, moving)
 
 
+def method_looks(present: Collection[str]) -> list[dict[str, Any]]:
+    """Name, colour, line and first state of each method; the paper's are shown first."""
+    papers_own = set(present) & set(METHODS)
+    return [
+        {
+            "name": method,
+            "colour": look.colour,
+            "dash": dash_array(look),
+            "shown": method in (papers_own or set(present)),
+        }
+        for method, look in looks(present).items()
+    ]
+
+
 def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, Any]]:
     """Lines of each panel: RMSE of each run, mean with 95 % band, and single seeds."""
     charts = []
@@ -170,8 +186,8 @@ def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, 
         lines = []
         for method, run in panel.runs.items():
             seeds = findings.shown[run]
-            singles = {str(seed): _rounded(seeds[seed]) for seed in seeds}
-            lines.append(_line(method, mean_band(seeds.to_numpy().T)) | {"seeds": singles})
+            singles = {str(seed): rounded(seeds[seed]) for seed in seeds}
+            lines.append(chart_line(method, mean_band(seeds.to_numpy().T)) | {"seeds": singles})
         charts.append({"title": panel.title, "lines": lines})
     return charts
 
@@ -191,7 +207,7 @@ def calibration_charts(selection: Selection, panels: Sequence[Panel]) -> dict[st
         for method, run in panel.runs.items():
             seeds = coverage(selection.only([run]))
             axis = seeds.index.tolist()
-            lines.append(_line(method, mean_band(seeds.to_numpy().T)))
+            lines.append(chart_line(method, mean_band(seeds.to_numpy().T)))
         charts.append({"title": panel.title, "lines": lines})
     return {"axis": axis, "panels": charts}
 
@@ -232,7 +248,7 @@ def quality_charts(selection: Selection, panels: Sequence[Panel]) -> dict[str, A
         charts = []
         for name, parts in RATIOS.items():
             lines = [
-                _line(method, pooled_ratio(of_run[run], *parts(of_run[run]), bins))
+                chart_line(method, pooled_ratio(of_run[run], *parts(of_run[run]), bins))
                 for method, run in panel.judging.items()
             ]
             charts.append({"title": name, "lines": lines})
@@ -318,7 +334,7 @@ def _alarms_of(run: Selection, extent: Extent) -> dict[str, Any]:
             for name, chosen in layers.items()
         ],
         "relief": [
-            {"land": land, **{name: _rounded([value])[0] for name, value in row.items()}}
+            {"land": land, **{name: rounded([value])[0] for name, value in row.items()}}
             for land, row in split.to_dict("index").items()
         ],
     }
@@ -434,11 +450,12 @@ def _facts(footer: Footer) -> dict[str, str]:
     }
 
 
-def _line(method: str, band: Floats) -> dict[str, Any]:
+def chart_line(method: str, band: Floats) -> dict[str, Any]:
+    """Give a method's mean and the ends of its band, as charts take them."""
     mean, low, high = band
-    return {"method": method, "mean": _rounded(mean), "low": _rounded(low), "high": _rounded(high)}
+    return {"method": method, "mean": rounded(mean), "low": rounded(low), "high": rounded(high)}
 
 
-def _rounded(values: Iterable[float]) -> list[float | None]:
+def rounded(values: Iterable[float]) -> list[float | None]:
     """Four digits are more than a chart shows; None where there is no finite value."""
     return [float(f"{value:.4g}") if math.isfinite(value) else None for value in values]

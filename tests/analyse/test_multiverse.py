@@ -14,6 +14,7 @@ from infoplan.analyse.multiverse import (
     claim_curves,
     effects_alone,
     effects_jointly,
+    effects_of_rules,
     joint_test,
     nearest_tenth,
     nearness,
@@ -110,6 +111,37 @@ def test_the_pair_that_works_together_is_found(multiverse):
     assert (pairs["p"].iloc[1:] > 0.01).mean() > 0.8
 
 
+def test_a_claim_is_judged_by_other_margins_in_all_universes():
+    few = universes()[:6]
+    made = made_up(by_choice, there=few)
+    (curve,) = claim_curves(made, ["C7"])
+    table = effects_of_rules(curve, made)
+    assert set(table["choice"]) == {"margin"}, "it compares no early samples"
+    rows = table.set_index("level")
+    # PUCT-COPOD ends 600, 400, 400, 100 ... below NONE, 100 with a floor: 10 % are 120 ft.
+    gaps = np.array([by_choice(one, "UCT-NONE", 0.1) - 400.0 for one in few])
+    for level, share in (("2.5 %", 0.025), ("5 %", 0.05), ("10 %", 0.1)):
+        supported = int(np.sum(gaps < share * MARGIN / 0.05))
+        assert rows.loc[level, "supported"] == supported
+        assert rows.loc[level, "contradicted"] == len(few) - supported
+    assert rows.loc["10 %", "supported"] == 1
+    assert (rows["verdict"] == "contradicted").all()
+    assert (rows["mean"] == 0).all(), "the effect is the same, only what is negligible differs"
+
+
+def test_the_early_samples_decide_the_claim_about_them():
+    made = made_up(by_choice, there=universes()[:4])
+    own = made.missions["method"] == "UCT-COPOD"
+    made.missions.loc[own, "early_100_300"] += 1000.0
+    (curve,) = claim_curves(made, ["C5"])
+    table = effects_of_rules(curve, made)
+    rows = table[table["choice"] == "early samples"].set_index("level")
+    assert list(rows.index) == ["150-500", "100-300", "100-1000"]
+    assert rows["mean"].tolist() == pytest.approx([0.0, 1000.0, 0.0], abs=1e-9)
+    assert rows["verdict"].tolist() == ["contradicted", "supported", "contradicted"]
+    assert rows.loc["100-300", "supported"] == 4
+
+
 def test_the_joint_test_flips_the_seeds_of_all_universes_together():
     few = universes()[:5]
     made = made_up(lambda u, m, r: 100.0 * (m == "UCT-NONE"), noise=80.0, there=few)
@@ -123,6 +155,7 @@ def test_the_joint_test_flips_the_seeds_of_all_universes_together():
         ts.append(np.mean(values.mean(axis=1) / errors))
     assert found.flips == 64
     assert found.median == pytest.approx(np.median(curve.means))
+    assert found.one_side == max(np.mean(curve.means > 0), np.mean(curve.means < 0))
     assert found.p_median == np.mean(np.abs(medians) >= abs(found.median) - 1e-9)
     assert found.p_mean_t == np.mean(np.abs(ts) >= abs(found.mean_t) - 1e-9)
 

@@ -96,7 +96,7 @@ def test_every_property_that_a_page_asks_for_is_defined():
     pages = {path.stem for path in DRAW.glob("*_page.css")}
     assert {"report_page", "survey_page", "leaderboard_page"} <= pages
     for page in sorted(pages):
-        sheet = style_sheet("page", page)
+        sheet = style_sheet("page", "charts", page)
         defined = set(re.findall(r"--([\w-]+):", sheet)) | {"colour"}  # a method's own
         assert set(re.findall(r"var\(--([\w-]+)", sheet)) <= defined, page
         script = DRAW / f"{page}.js"

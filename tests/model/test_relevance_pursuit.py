@@ -7,7 +7,8 @@ import pytest
 from scipy import optimize, stats
 
 from infoplan.model import GaussianProcess, RelevancePursuitProcess
-from infoplan.model.inference.relevance import RelevanceInference, pursue
+from infoplan.model.inference.pursuit import pursue
+from infoplan.model.inference.relevance import RelevanceInference
 from infoplan.model.kernels.squared_exponential import KERNEL
 
 JITTER = 1e-6
