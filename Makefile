@@ -25,7 +25,7 @@ test: $(VENV)/.installed-dev ## set up and run the tests
 test-long: $(VENV)/.installed-dev ## set up and run the tests that take minutes: kills, benchmarks, real elevation models
 	$(BIN)/python -m pytest -m long $(ARGS)
 
-test-browser: $(VENV)/.installed-dev ## test the report in Chromium (Debian: apt-get install chromium chromium-driver)
+test-browser: $(VENV)/.installed-dev ## test the pages in Chromium (Debian: apt-get install chromium chromium-driver)
 	$(BIN)/python -m pytest -m browser tests/browser $(ARGS)
 
 test-oldest: $(VENV)-oldest/.installed ## set up the oldest allowed dependencies beside the others, and run what they matter to (PYTHON=python3.11)

@@ -140,11 +140,11 @@ def draw(errors: list[Errors]) -> None:
                     dashes=look.dashes or (None, None),
                 )  # fmt: skip
             panel.set(xscale="log", yscale="log", xlabel="neighbours")
-            panel.set_title(f"error of the {title}", loc="left", fontsize=8)
+            panel.set_title(f"error of the {title}", loc="left")
             counts = sorted({error.neighbours for error in chosen})
             panel.set_xticks(counts, [str(count) for count in counts])
             panel.minorticks_off()
-        axes[0].legend(fontsize=6)
+        axes[0].legend()
         figure.savefig(FIGURE, dpi=160)
 
 

@@ -4,6 +4,7 @@ import re
 from importlib import import_module
 
 import infoplan
+from infoplan.draw.page_theme import site_variables
 
 project = "infoplan"
 version = release = infoplan.__version__
@@ -12,6 +13,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = "infoplan"
+html_theme_options = site_variables()
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_copyright = False

@@ -643,7 +643,7 @@ def leaderboard(
 ) -> int:
     """Rank the methods."""
     from infoplan.analyse.leaderboard import rank
-    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_page
+    from infoplan.draw.leaderboard_page import markdown, print_leaderboard, write_leaderboard
 
     if as_markdown + as_html + as_latex > 1:
         raise UsageError("the leaderboard is written as --markdown, --html or --latex: choose one")
@@ -651,7 +651,7 @@ def leaderboard(
     if as_markdown:
         print(markdown(board))
     elif as_html:
-        print(f"written to {write_page(board, results_dir / 'leaderboard.html')}")
+        print(f"written to {write_leaderboard(board, results_dir / 'leaderboard.html')}")
     else:
         print_leaderboard(board, _console_of(as_latex))
     return EXIT_OK

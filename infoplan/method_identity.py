@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import count, product
 from typing import Any
 
+from infoplan import palette
 from infoplan.config import METHODS, is_survey
 from infoplan.wording import harmless
 
@@ -130,14 +131,14 @@ class Look:
 
 
 PAPERS: dict[str, Look] = {
-    "UCT-NONE": Look("#D55E00", (1, 1)),
-    "UCT-BEST": Look("#009E73", (5, 1.2, 1, 1.2)),
-    "UCT-COPOD": Look("#CC79A7", (4, 1.5)),
-    "PUCT-COPOD": Look("#0072B2", ()),
-    "PUCT-NONE": Look("#E69F00", (1, 2)),
-    "PUCT-BEST": Look("#56B4E9", (5, 1.2, 1, 1.2, 1, 1.2)),
+    "UCT-NONE": Look(palette.VERMILLION, (1, 1)),
+    "UCT-BEST": Look(palette.GREEN, (5, 1.2, 1, 1.2)),
+    "UCT-COPOD": Look(palette.PURPLE, (4, 1.5)),
+    "PUCT-COPOD": Look(palette.BLUE, ()),
+    "PUCT-NONE": Look(palette.ORANGE, (1, 2)),
+    "PUCT-BEST": Look(palette.SKY, (5, 1.2, 1, 1.2, 1, 1.2)),
 }
-"""The paper's methods, and both that complete them (Okabe and Ito's palette)."""
+"""The paper's methods, and both that complete them."""
 
 PAPERS_CHOICES = {
     f"{planner}-{detector}".upper(): (planner, detector)

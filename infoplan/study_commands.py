@@ -25,6 +25,7 @@ from infoplan.hydra_front.front import compose_and
 from infoplan.hydra_front.jobs import Act
 from infoplan.hydra_front.trials import Score
 from infoplan.output import Output
+from infoplan.palette import TERMINAL
 from infoplan.study.run_names import choose_run
 from infoplan.study.runner import check_study, identify_study, plan_study, run_study
 from infoplan.study.stored_curves import final_rmse
@@ -155,7 +156,7 @@ def explain(
         listener(console),
     )  # fmt: skip
     for label, reason, path in study.failed:
-        say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
+        say(console, f"FAILED {label}: {reason} ({path})", style=TERMINAL["failure"])
     told = []
     for name, of in compared.items():
         done = [seed for seed in chosen[name] if {(name, seed), (of, seed)} <= study.done]

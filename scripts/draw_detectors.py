@@ -6,12 +6,17 @@ from pathlib import Path
 import infoplan
 from infoplan.detect import DETECTORS
 from infoplan.draw import style
+from infoplan.palette import BLUE, MARKS, Mark
 
 FOLDER = Path(__file__).parents[1] / "docs"
 OPTIONS = ("planner=lawnmower", "terrain=volcano", "fault=mixed", "rho=0.15", "grid=[10,10]")
 FAULTS = ["spike", "burst", "stuck"]
 SEED = 0
-LOOKS = {"found": ("x", "#0072B2"), "missed": ("o", "#D55E00"), "false alarms": ("^", "#CC79A7")}
+LOOKS = {
+    "found": Mark(BLUE, MARKS["caught"].marker),  # white would not be seen on paper
+    "missed": MARKS["missed"],
+    "false alarms": MARKS["false-alarm"],
+}
 
 
 def draw_detectors(folder: Path = FOLDER, budget: int = 400) -> Path:
@@ -41,11 +46,11 @@ def _draw(axes, name: str, budget: int) -> None:
         "missed": outlier & ~flagged,
         "false alarms": flagged & ~outlier,
     }
-    axes.plot(samples.index, samples["measured"], ".", color="0.55", ms=2, label="measurement")
-    for what, (marker, colour) in LOOKS.items():
+    axes.plot(samples.index, samples["measured"], ".", color=style.FAINT, ms=2, label="measurement")
+    for what, look in LOOKS.items():
         there = samples[chosen[what]]
-        axes.plot(there.index, there["measured"], marker, color=colour, mfc="none", ms=4, mew=0.9,
-                  label=what)  # fmt: skip
+        axes.plot(there.index, there["measured"], look.marker, color=look.colour, mfc="none", ms=4,
+                  mew=0.9, label=what)  # fmt: skip
     counts = ", ".join(f"{int(one.sum())} {what}" for what, one in chosen.items())
     style.panel(axes, "", f"{name}: {counts}")
     axes.set_ylabel("ft")

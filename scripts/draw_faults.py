@@ -8,13 +8,14 @@ import numpy as np
 from infoplan.config import METHODS, Config
 from infoplan.draw import style
 from infoplan.fault import FAULTS
+from infoplan.palette import OUTLIER
 from infoplan.simulator import Simulator
 from infoplan.terrain import load_terrain
 
 FOLDER = Path(__file__).parents[1] / "docs" / "faults"
 SAMPLES, BATCH, SEED = 160, 20, 1
 RHO = 0.15
-COLOURS = {"truth": "0.6", "sound": "black", "outlier": "#D55E00"}
+COLOURS = {"truth": style.FAINT, "sound": style.INK, "outlier": OUTLIER}
 
 
 def draw_faults(folder: Path = FOLDER) -> list[Path]:

@@ -8,6 +8,7 @@ import numpy as np
 from infoplan.config import KERNELS
 from infoplan.draw import style
 from infoplan.model.kernels import as_kernel
+from infoplan.palette import VERMILLION
 
 FILE = Path(__file__).parents[1] / "docs" / "kernels.png"
 LENGTHSCALE, NODES, SEED = 0.3, 400, 4
@@ -29,13 +30,13 @@ def draw_kernels(file: Path = FILE) -> Path:
         grid = figure.add_gridspec(len(KERNELS), 2, width_ratios=[2, 3])
         for row, name in enumerate(KERNELS):
             left, right = (figure.add_subplot(grid[row, column]) for column in (0, 1))
-            left.plot(x, correlations(name, np.zeros(1), x)[0], color="black", lw=1.0)
+            left.plot(x, correlations(name, np.zeros(1), x)[0], color=style.INK, lw=1.0)
             left.set(ylim=(0.0, 1.05), xlim=(0.0, 1.0), ylabel=name.replace("_", "\n"))
             # Of the same noise, so that smoothness is the only difference.
             values, vectors = np.linalg.eigh(correlations(name, x, x))
             root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
             paths = root @ np.random.default_rng(SEED).normal(size=(NODES, 2))
-            for path, colour in zip(paths.T, ("black", "#D55E00"), strict=True):
+            for path, colour in zip(paths.T, (style.INK, VERMILLION), strict=True):
                 right.plot(x, path, lw=0.8, color=colour)
             right.set(xlim=(-1.0, 1.0))
             if row < len(KERNELS) - 1:

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 from infoplan.draw import style
+from infoplan.palette import BLUE, PAGE
 
 FOLDER = Path(__file__).parents[1] / "docs"
 BOXES = {
@@ -43,18 +44,20 @@ def draw_loop(folder: Path = FOLDER) -> Path:
         for column, row, text in BOXES.values():
             x, y = column * STEP_X, row * STEP_Y
             axes.add_patch(
-                FancyBboxPatch((x + 0.05, y + 0.05), WIDE - 0.1, HIGH - 0.1, fc="#EEF4FA",
-                               ec="#0072B2", lw=0.8, boxstyle="round,pad=0.05")
+                FancyBboxPatch((x + 0.05, y + 0.05), WIDE - 0.1, HIGH - 0.1, fc=PAGE["panel"][0],
+                               ec=BLUE, lw=0.8, boxstyle="round,pad=0.05")
             )  # fmt: skip
-            axes.text(x + WIDE / 2, y + HIGH / 2, text, ha="center", va="center", fontsize=8)
+            axes.text(x + WIDE / 2, y + HIGH / 2, text, ha="center", va="center",
+                      fontsize=style.TITLE)  # fmt: skip
         for start, end, text in ARROWS:
             _arrow(axes, *BOXES[start][:2], *BOXES[end][:2], text)
         # The track goes back to the robot, below all that stands between them.
         x = STEP_X + WIDE / 2
         track = [(4 * STEP_X + WIDE / 2, 0.0), (4 * STEP_X + WIDE / 2, -0.18), (x, -0.18)]
-        axes.plot(*zip(*track, strict=True), color="0.3", lw=0.9)
+        axes.plot(*zip(*track, strict=True), color=style.DARK, lw=0.9)
         axes.annotate("", (x, STEP_Y), (x, -0.18), arrowprops=_look())
-        axes.text(2 * STEP_X + WIDE / 2, -0.14, "track", ha="center", fontsize=7, color="0.3")
+        axes.text(2 * STEP_X + WIDE / 2, -0.14, "track", ha="center", fontsize=style.TEXT,
+                  color=style.DARK)  # fmt: skip
         axes.set_ylim(-0.25, STEP_Y + HIGH + 0.05)
         path = folder / "loop.png"
         figure.savefig(path, dpi=140)
@@ -73,13 +76,13 @@ def _arrow(axes, column, row, to_column, to_row, text: str) -> None:
     middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
     offset = (0, 0.08) if row == to_row else (0.06, 0)
     axes.text(
-        middle[0] + offset[0], middle[1] + offset[1], text, fontsize=7, color="0.3",
+        middle[0] + offset[0], middle[1] + offset[1], text, fontsize=style.TEXT, color=style.DARK,
         ha="center" if row == to_row else "left", va="center",
     )  # fmt: skip
 
 
 def _look() -> dict:
-    return {"arrowstyle": "-|>", "color": "0.3", "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
+    return {"arrowstyle": "-|>", "color": style.DARK, "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
 
 
 if __name__ == "__main__":

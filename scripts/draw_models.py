@@ -8,6 +8,7 @@ import numpy as np
 import infoplan
 from infoplan.draw import style
 from infoplan.model import MODELS
+from infoplan.palette import OUTLIER
 from infoplan.terrain import load_terrain
 
 FOLDER = Path(__file__).parents[1] / "docs"
@@ -35,7 +36,7 @@ def draw_models(folder: Path = FOLDER, budget: int = 520, models: tuple = tuple(
         panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat
         _show(panels[0], truth, truth, terrain, "truth")
         samples = next(iter(flown.values())).samples
-        for outlier, colour in ((False, "black"), (True, "#D55E00")):
+        for outlier, colour in ((False, style.INK), (True, OUTLIER)):
             chosen = samples[samples["is_outlier"] == outlier]
             panels[0].plot(chosen["x1"], chosen["x2"], ".", color=colour, ms=1.5)
         for axes, (name, frames) in zip(panels[1:], flown.items(), strict=False):

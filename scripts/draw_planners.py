@@ -42,7 +42,7 @@ def _draw(axes, name: str, terrain, budget: int) -> None:
     style.show_relief(axes, terrain.elevation, terrain.extent)
     style.show_obstacles(axes, OBSTACLES)
     axes.plot(driven["x1"], driven["x2"], color="white", lw=0.9)
-    axes.plot(*driven[["x1", "x2"]].iloc[0], "o", color="white", mec="black", ms=4)
+    axes.plot(*driven[["x1", "x2"]].iloc[0], "o", color="white", mec=style.INK, ms=4)
     rmse = np.array(frames.curves["rmse"])[-1]
     style.panel(axes, "", f"{name}, RMSE {rmse:.0f} {terrain.unit}")
     axes.set(xlabel="", ylabel="")

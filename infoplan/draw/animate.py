@@ -25,6 +25,7 @@ from infoplan.draw.recording import (
 from infoplan.draw.scene import draw_pictures
 from infoplan.errors import UsageError
 from infoplan.files import writing
+from infoplan.palette import TERMINAL
 from infoplan.scoring import State
 from infoplan.trust import admit
 
@@ -143,7 +144,8 @@ def _states(
         states.append(state)
         yield state
     if difference := difference_from_curve(states, recording):
-        console.print(f"WARNING: {difference}", style="bold yellow", soft_wrap=True, markup=False)
+        said = f"WARNING: {difference}"
+        console.print(said, style=TERMINAL["alarm"], soft_wrap=True, markup=False)
 
 
 def _tracked(items: Iterator[Item], total: int, what: str, console: Console) -> Iterator[Item]:

@@ -21,7 +21,7 @@ def draw(selection: Selection, folder: Path) -> list[Path]:
     with style.journal():
         figure, shown = draw_panels(selection, numbers, "level", labels)
         for axes in shown:
-            axes.plot([0, 1], [0, 1], color="0.6", lw=0.6, zorder=0)
+            axes.plot([0, 1], [0, 1], color=style.FAINT, lw=0.6, zorder=0)
             axes.set_aspect("equal")
         shown[0].set(xlim=(0, 1), ylim=(0, 1))
         return style.save(figure, folder, "calibration", numbers)

@@ -17,9 +17,8 @@ from infoplan.analyse.tables import Selection
 from infoplan.collapse import share_text
 from infoplan.draw.console import say, say_command
 from infoplan.draw.table_layout import Cell, TextColumn, print_table
+from infoplan.palette import TERMINAL
 from infoplan.wording import counted, csv_cell, figure, harmless, interval, markdown_cell
-
-COLOURS = {"supported": "green", "contradicted": "red", "undecided": "yellow", "missing": "magenta"}
 
 
 def print_claims(claims: list[Claim], selection: Selection, console: Console) -> None:
@@ -35,7 +34,7 @@ def print_claims(claims: list[Claim], selection: Selection, console: Console) ->
     ]
     rows: list[list[Cell] | None] = []
     for claim in claims:
-        verdict = Text(claim.verdict.upper(), style=COLOURS[claim.verdict])
+        verdict = Text(claim.verdict.upper(), style=TERMINAL[claim.verdict])
         said = f"{claim.text} ({claim.where})" if claim.where else claim.text
         bold = [Text(harmless(text), style="bold") for text in (claim.name, said)]
         rows.append([*bold, "", "", "", "", verdict])

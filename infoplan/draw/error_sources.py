@@ -10,6 +10,7 @@ import pandas as pd
 from infoplan.analyse.error_sources import ErrorSources
 from infoplan.analyse.statistics import mean_interval
 from infoplan.draw import style
+from infoplan.palette import ERROR_PARTS
 from infoplan.wording import counted, figure
 
 if TYPE_CHECKING:
@@ -17,15 +18,6 @@ if TYPE_CHECKING:
 
 STEPS = ("best_itself", "places", "lost", "spikes", "learning")
 """Parts in the order in which they are stacked: what went wrong last stands on top."""
-
-COLOURS = {
-    "best_itself": "#999999",
-    "places": "#56B4E9",
-    "lost": "#E69F00",
-    "spikes": "#D55E00",
-    "learning": "#0072B2",
-}
-"""Of the parts: Okabe and Ito's, which most people tell apart."""
 
 LABELS = {
     "best_itself": "BEST itself", "places": "places", "lost": "clean lost",
@@ -70,7 +62,7 @@ def draw(sources: Sequence[ErrorSources], folder: Path) -> list[Path]:
             axes.set_visible(False)
         units = " or ".join(dict.fromkeys(style.inert(one.unit, style.LONGEST_UNIT)
                                           for one in ordered))  # fmt: skip
-        picture.supylabel(f"final RMSE ({units})", fontsize=7)
+        picture.supylabel(f"final RMSE ({units})")
         return style.save(picture, folder, "explain", plotted_numbers(ordered))
 
 
@@ -105,20 +97,21 @@ def _draw_steps(axes: "Axes", one: ErrorSources) -> None:
     places = np.linspace(-0.16, 0.16, len(one.table)) if len(one.table) > 1 else np.zeros(1)
     for place, bar in enumerate(numbers.to_dict("records")):
         part, end = bar["part"], bar["start"] + bar["mean"]
-        colour = COLOURS.get(part, "0.25")
+        colour = ERROR_PARTS.get(part, style.DARK)
         axes.bar(place, bar["mean"], 2 * HALF, bottom=bar["start"], color=colour, lw=0)
         values = bar["start"] + one.table[part].to_numpy()
-        axes.plot(place + places, values, "o", ms=2.0, mfc="white", mec="black", mew=0.4, zorder=3)
+        axes.plot(place + places, values, "o", ms=2.0, mfc="white", mec=style.INK, mew=0.4,
+                  zorder=3)  # fmt: skip
         if np.isfinite(bar["low"]):
             axes.plot([place] * 2, [bar["start"] + bar["low"], bar["start"] + bar["high"]],
-                      color="black", lw=0.9, zorder=2)  # fmt: skip
+                      color=style.INK, lw=0.9, zorder=2)  # fmt: skip
         if place + 1 < len(numbers):
-            axes.plot([place + HALF, place + 1 - HALF], [end, end], color="0.4", lw=0.5)
+            axes.plot([place + HALF, place + 1 - HALF], [end, end], color=style.FAINT, lw=0.5)
     _name_numbers(axes, numbers, one)
     names = ["BEST", *(LABELS[part] for part in STEPS), style.inert(one.method, 14)]
-    axes.set_xticks(range(len(names)), names, fontsize=5.5, rotation=45, ha="right",
+    axes.set_xticks(range(len(names)), names, fontsize=style.SMALL, rotation=45, ha="right",
                     rotation_mode="anchor")  # fmt: skip
-    axes.axhline(0.0, color="black", lw=0.6)
+    axes.axhline(0.0, color=style.INK, lw=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(axis="x", length=0)
     axes.grid(axis="y")
@@ -127,7 +120,7 @@ def _draw_steps(axes: "Axes", one: ErrorSources) -> None:
     seeds = counted(len(one.table), "seed")
     axes.set_title(
         f"{style.inert(one.method, 20)}\n$\\rho$ = {one.rho:g}{scope}, {seeds}", loc="left",
-        fontsize=6.5,
+        fontsize=style.LABEL,
     )  # fmt: skip
 
 
@@ -137,5 +130,5 @@ def _name_numbers(axes: "Axes", numbers: pd.DataFrame, one: ErrorSources) -> Non
         tops = [bar["start"], bar["start"] + bar["mean"], bar["start"] + bar["high"],
                 *(bar["start"] + one.table[bar["part"]])]  # fmt: skip
         axes.annotate(figure(bar["mean"]), (place, np.nanmax(tops)), (0, 2),
-                      textcoords="offset points", ha="center", fontsize=5)  # fmt: skip
+                      textcoords="offset points", ha="center", fontsize=style.TINY)  # fmt: skip
     axes.margins(y=0.08)

@@ -14,6 +14,7 @@ from infoplan.analyse.statistics import Interval
 from infoplan.collapse import GAIN, collapse_sentence, moving_sentence
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
+from infoplan.palette import TERMINAL
 from infoplan.wording import counted, csv_cell, figure, interval, like
 
 WORDS = {"rmse": "final RMSE", "best_rmse": "less that of BEST", "gap": "gap", **PARTS}
@@ -56,7 +57,7 @@ def print_sources(
                   figure(row["gain"])] for row in one.table.to_dict("records")],
             )  # fmt: skip
         for said in remarks(one):
-            say(console, said, style="yellow")
+            say(console, said, style=TERMINAL["caution"])
 
 
 def remarks(sources: ErrorSources) -> list[str]:

@@ -94,7 +94,7 @@ def page_table(table: FaultTable) -> str:
         rows.append(f'<tr><th scope="row">{_html(name(table, method))}</th>{"".join(cells)}</tr>')
     notes = "".join(f"<p>{_html(line)}</p>" for line in remarks(table, "*"))
     return (
-        f'<p>{_html(caption(table))}</p><div class="scroll wide" role="region" tabindex="0" '
+        f'<p>{_html(caption(table))}</p><div class="scroll" role="region" tabindex="0" '
         f'aria-label="{TITLE}"><table class="faults"><thead><tr><th scope="col">method</th>{head}'
         f"</tr></thead><tbody>{''.join(rows)}</tbody></table></div>{notes}"
     )

@@ -9,7 +9,7 @@ import pandas as pd
 from infoplan.analyse.tables import Selection
 from infoplan.draw import style
 from infoplan.draw.missions import mission_maps
-from infoplan.method_identity import PAPERS
+from infoplan.palette import OUTLIER
 
 NEEDS = (("UCT-BEST", 0.1, "batch"), ("UCT-NONE", 0.1, "batch"))
 
@@ -36,21 +36,21 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
             axes: Any = figure.add_axes(
                 (k / 3 + 0.03, 0.05, 0.295, 0.93), projection="3d", computed_zorder=False
             )
-            figure.text(k / 3 + 0.01, 0.93, f"({'bcd'[k]}) {title}", fontsize=7.5)
+            figure.text(k / 3 + 0.01, 0.93, f"({'bcd'[k]}) {title}", fontsize=style.TITLE)
             figure.text(
                 k / 3 + 0.02,
                 0.8,
                 f"elevation ({style.inert(selection.unit, style.LONGEST_UNIT)})",
-                fontsize=6,
+                fontsize=style.SMALL,
             )
             _surface(axes, values, best.extent, like=best.truth)
             _frame(axes, best.extent, limits)
             if k == 0:
-                _points(axes, none.samples[~is_spike], "black", 0.9, "samples")
-                _points(axes, none.samples[is_spike], PAPERS["UCT-NONE"].colour, 2.8, "outliers")
+                _points(axes, none.samples[~is_spike], style.INK, 0.9, "samples")
+                _points(axes, none.samples[is_spike], OUTLIER, 2.8, "outliers")
                 figure.legend(loc="upper left", bbox_to_anchor=(0.19, 1.0), markerscale=2.5,
                               handletextpad=0.0, labelspacing=0.2)  # fmt: skip
-        figure.text(0.995, 0.02, f"seed {seed}", fontsize=6, ha="right")
+        figure.text(0.995, 0.02, f"seed {seed}", fontsize=style.SMALL, ha="right")
         nodes = best.table[["x1", "x2", "truth"]].assign(
             kind="node", without_outliers=best.mean.ravel(), with_outliers=none.mean.ravel()
         )
@@ -77,13 +77,13 @@ def _points(axes: Any, samples: pd.DataFrame, colour: str, size: float, label: s
 
 def _frame(axes: Any, extent: style.Extent, limits: tuple[float, float]) -> None:
     axes.set(xlim=extent[:2], ylim=extent[2:], zlim=limits)
-    axes.set_xlabel("$x_1$ (workspace units)", fontsize=6, labelpad=-8)
-    axes.set_ylabel("$x_2$ (workspace units)", fontsize=6, labelpad=-8)
+    axes.set_xlabel("$x_1$ (workspace units)", fontsize=style.SMALL, labelpad=-8)
+    axes.set_ylabel("$x_2$ (workspace units)", fontsize=style.SMALL, labelpad=-8)
     sides = np.array([extent[1] - extent[0], extent[3] - extent[2]])
     axes.set_box_aspect((*(sides / sides.max()), 0.6), zoom=1.06)
     axes.view_init(elev=28, azim=-115)
     axes.locator_params(nbins=5)
-    axes.tick_params(pad=-4, labelsize=5.5)
+    axes.tick_params(pad=-4, labelsize=style.TINY)
     axes.tick_params(axis="z", pad=-1)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))

@@ -21,7 +21,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
         left, right = figure.subplots(1, 2, sharey=True)
         relief = style.show_relief(left, mission.truth, mission.extent)
         left.plot(pilot["x1"], pilot["x2"], ".-", color="white", ms=1.6, lw=0.5, clip_on=False)
-        left.plot(*pilot[["x1", "x2"]].iloc[0], "o", color="white", mec="black", ms=3.5, mew=0.7,
+        left.plot(*pilot[["x1", "x2"]].iloc[0], "o", color="white", mec=style.INK, ms=3.5, mew=0.7,
                   clip_on=False)  # fmt: skip
         style.panel(left, "a", "pilot path")
         style.colour_bar(relief, left, f"elevation ({unit})")

@@ -8,6 +8,7 @@ import pandas as pd
 from infoplan.analyse.tables import Selection
 from infoplan.draw import style
 from infoplan.draw.missions import mission_maps
+from infoplan.palette import BLUE
 
 NEEDS = (("UCT-COPOD", 0.1, "batch"), ("PUCT-COPOD", 0.1, "batch"))
 
@@ -32,7 +33,7 @@ def draw(selection: Selection, folder: Path, seed: int) -> list[Path]:
             style.show_obstacles(axes, mission.obstacles)
             kept = mission.samples[mission.samples["used"].astype(bool)]
             # A white rim lets the dots be seen on black, their blue on white.
-            axes.plot(kept["x1"], kept["x2"], "o", color="#0072B2", ms=1.7, mec="white", mew=0.25)
+            axes.plot(kept["x1"], kept["x2"], "o", color=BLUE, ms=1.7, mec="white", mew=0.25)
             style.panel(axes, letter, f"{method}, seed {seed}")
             nodes = mission.table[["x1", "x2"]].assign(abs_error=errors[method].ravel())
             frames += [

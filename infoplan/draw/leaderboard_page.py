@@ -1,6 +1,5 @@
 """The leaderboard for the terminal, as Markdown, and as one self-contained HTML page."""
 
-import html
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,28 +10,15 @@ from infoplan.analyse.leaderboard import Leaderboard, Standing
 from infoplan.analyse.statistics import Interval
 from infoplan.draw import fault_table
 from infoplan.draw.console import say
+from infoplan.draw.page import as_html, method_key, style_sheet, write_page
 from infoplan.draw.table_layout import TextColumn, print_table
-from infoplan.files import writing
-from infoplan.method_identity import SPIKE
+from infoplan.method_identity import SPIKE, Look, looks
 from infoplan.options import plain_number
 from infoplan.wording import counted, harmless, markdown_cell
 
 TITLE = "Leaderboard"
 
-STYLE = """
-:root { color-scheme: light dark; --line: #8885; --bar: #3b7dd8; }
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-.wide { overflow-x: auto; }
-th, td { padding: .3rem .7rem; border-bottom: 1px solid var(--line); text-align: right; }
-table:not(.faults) :is(th, td):nth-child(2) { text-align: left; }
-td { white-space: nowrap; }
-.faults th:first-child { text-align: left; }
-.faults td { text-align: center; padding: .2rem .5rem; line-height: 1.3; }
-svg { display: block; width: 12rem; height: 1rem; }
-svg line { stroke: var(--bar); stroke-width: 2; }
-svg circle { fill: var(--bar); }
-"""
+NUMBER = ' class="number"'
 
 
 def print_leaderboard(board: Leaderboard, console: Console) -> None:
@@ -87,37 +73,52 @@ def markdown(board: Leaderboard) -> str:
     return "\n".join([*lines, *below]).rstrip()
 
 
-def write_page(board: Leaderboard, path: Path) -> Path:
-    """Write the leaderboard as an HTML page that needs nothing else.
+def write_leaderboard(board: Leaderboard, path: Path) -> Path:
+    """Write the leaderboard as an HTML page that needs nothing else, not even a script.
 
     Raises
     ------
     RunError
         If it cannot be written.
     """
-    named = columns(board)
     scores = [standing.score for standing in board.standings]
     ends = [end for score in scores for end in (score.mean, score.low, score.high)]
     ends = [end for end in ends if math.isfinite(end)]
-    head = "".join(f"<th>{_escape(name)}</th>" for name in [*named[:3], "", *named[3:]])
-    rows = []
-    for number, standing in enumerate(board.standings, start=1):
-        shown = [f"<td>{_escape(cell)}</td>" for cell in cells(number, standing, decimals(board))]
-        shown.insert(3, f"<td>{_bar(standing.score, min(ends), max(ends))}</td>")
-        rows.append(f"<tr>{''.join(shown)}</tr>")
-    notes = "".join(f"<p>{_escape(line)}</p>" for line in remarks(board))
-    if board.by_fault:
-        notes += f"<h2>{fault_table.TITLE}</h2>{fault_table.page_table(board.by_fault)}"
-    page = (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{STYLE}</style></head><body><h1>{TITLE}</h1>"
-        f"<p>{_escape(heading(board))}</p>"
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody>'
-        f"</table></div>{notes}</body></html>\n"
+    head = "".join(
+        f'<th scope="col"{NUMBER if name != "method" else ""}>{as_html(name)}</th>'
+        for name in columns(board)
     )
-    with writing(path):
-        path.write_text(page, encoding="utf-8")
+    seen = looks(standing.method for standing in board.standings)
+    rows = []
+    for place, standing in enumerate(board.standings, start=1):
+        look = seen[standing.method]
+        number, method, score, *others = map(as_html, cells(place, standing, decimals(board)))
+        interval = _interval_picture(standing.score, (min(ends), max(ends)), look)
+        rows.append(
+            f"<tr><td{NUMBER}>{number}</td>"
+            f'<th scope="row">{method_key(look)}{method}</th>'
+            f"<td{NUMBER}>{score}{interval}</td>"
+            + "".join(f"<td{NUMBER}>{text}</td>" for text in others)
+            + "</tr>"
+        )
+    notes = "".join(f"<p>{as_html(line)}</p>" for line in remarks(board))
+    if board.by_fault:
+        notes += (
+            f"<section><h2>{fault_table.TITLE}</h2>{fault_table.page_table(board.by_fault)}"
+            "</section>"
+        )
+    page = (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        f"<style>\n{style_sheet('page', 'leaderboard_page')}</style></head>\n"
+        f'<body><header><div><p class="brand">infoplan leaderboard</p><h1>{TITLE}</h1>'
+        f'<p class="muted">{as_html(heading(board))}</p></div></header>\n'
+        f'<main><div class="scroll" role="region" aria-label="{TITLE}" tabindex="0">'
+        f'<table class="board"><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+        f"</div>{notes}</main></body></html>\n"
+    )
+    write_page(path, page)
     return path
 
 
@@ -187,17 +188,18 @@ def _interval(interval: Interval, digits: int) -> str:
     return f"{interval.mean:.{digits}f} [{interval.low:.{digits}f}, {interval.high:.{digits}f}]"
 
 
-def _escape(text: str) -> str:
-    return html.escape(harmless(text))
-
-
-def _bar(interval: Interval, low: float, high: float) -> str:
+def _interval_picture(interval: Interval, ends: tuple[float, float], look: Look) -> str:
     """Draw a mean with its interval between the least and the greatest end of all."""
+    low, high = ends
 
     def at(value: float) -> str:
-        return f"{4 + 192 * (value - low) / ((high - low) or 1):.1f}"
+        return f"{6 + 188 * (value - low) / ((high - low) or 1):.1f}"
 
     line = ""
     if not math.isnan(interval.low):
-        line = f'<line x1="{at(interval.low)}" x2="{at(interval.high)}" y1="8" y2="8"/>'
-    return f'<svg viewBox="0 0 200 16">{line}<circle cx="{at(interval.mean)}" cy="8" r="4"/></svg>'
+        line = f'<path class="line" d="M{at(interval.low)} 8H{at(interval.high)}"/>'
+    return (
+        f'<svg class="interval" viewBox="0 0 200 16" aria-hidden="true" '
+        f'style="--colour:{look.colour}">{line}'
+        f'<circle class="dot" cx="{at(interval.mean)}" cy="8" r="5"/></svg>'
+    )

@@ -132,8 +132,8 @@ def draw_panels(
         axes.grid(axis="y")
     for axes in list(grid.flat)[len(shown) :]:
         axes.set_visible(False)
-    figure.supxlabel(f"{labels[0]} ({_seeds(numbers)})", fontsize=7)
-    figure.supylabel(labels[1], fontsize=7)
+    figure.supxlabel(f"{labels[0]} ({_seeds(numbers)})")
+    figure.supylabel(labels[1])
     lines = {line.get_gid(): line for axes in grid.flat for line in axes.get_lines()}
     handles = [lines[method] for method in order if method in lines]
     # The other methods' rows of strokes are longer.
@@ -167,7 +167,8 @@ def _name_gaps(axes: "Axes", here: pd.DataFrame, usual: "pd.Series[float]") -> N
     lost = here["method"][np.isnan(drawable(here["mean"], usual))].unique()
     if len(lost):
         told = "\n".join(f"{style.inert(method)}: not finite in part" for method in lost)
-        axes.text(0.98, 0.02, told, ha="right", va="bottom", fontsize=5, transform=axes.transAxes)
+        axes.text(0.98, 0.02, told, ha="right", va="bottom", fontsize=style.TINY,
+                  transform=axes.transAxes)  # fmt: skip
 
 
 def _seeds(numbers: pd.DataFrame) -> str:

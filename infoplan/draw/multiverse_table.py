@@ -11,9 +11,10 @@ from infoplan.analyse.claims import COMPARISONS, TEXTS
 from infoplan.analyse.judging import Claim, corrected
 from infoplan.analyse.multiverse import VERDICTS, ClaimCurve, JointTest
 from infoplan.analyse.universe_numbers import Multiverse
-from infoplan.draw.claims_table import COLOURS, effect
+from infoplan.draw.claims_table import effect
 from infoplan.draw.console import say, say_command
 from infoplan.draw.table_layout import Cell, TextColumn, print_table
+from infoplan.palette import TERMINAL
 from infoplan.study.universes import CHOICES, DEFAULT, Universe
 from infoplan.wording import counted, figure, interval
 
@@ -88,7 +89,7 @@ def print_claim(
             if one or other:
                 verdict = str(one["verdict"]) if one else ""
                 rows.append([
-                    choice.name, level, _moved(one), Text(verdict, style=COLOURS.get(verdict, "")),
+                    choice.name, level, _moved(one), Text(verdict, style=TERMINAL.get(verdict, "")),
                     _moved(other), f"{100 * other['share']:.0f} %" if other else "",
                     figure(other["p"]) if other else "",
                 ])  # fmt: skip
@@ -96,7 +97,7 @@ def print_claim(
         verdict = str(row["verdict"])
         rows.append([
             row["choice"], row["level"], _moved(row) if verdict else "",
-            Text(verdict, style=COLOURS.get(verdict, "")), "", "", "",
+            Text(verdict, style=TERMINAL.get(verdict, "")), "", "", "",
         ])  # fmt: skip
     print_table(console, heading(multiverse), columns, rows, named=2)
     for row in rules.to_dict("records"):
@@ -145,7 +146,7 @@ def print_universe(
     for name, text in TEXTS.items():
         made = corrected(COMPARISONS[name](numbers))
         claim = Claim(name, text, made)
-        verdict = Text(claim.verdict.upper(), style=COLOURS[claim.verdict])
+        verdict = Text(claim.verdict.upper(), style=TERMINAL[claim.verdict])
         rows.append([Text(name, style="bold"), Text(text, style="bold"), "", verdict])
         rows += [["", item.what, effect(item), item.verdict] for item in made]
         rows.append(None)
@@ -188,7 +189,7 @@ def _fate(curve: ClaimCurve, test: JointTest, nearest: Sequence[str]) -> list[Ce
         f"{figure(test.median)}{unit}",
         str(curve.verdicts.count("supported")),
         str(curve.verdicts.count("contradicted")),
-        Text(verdict, style=COLOURS.get(verdict, "")),
+        Text(verdict, style=TERMINAL.get(verdict, "")),
         str(near.count("supported")),
         figure(test.p_median),
     ]

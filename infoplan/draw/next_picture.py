@@ -9,6 +9,7 @@ import pandas as pd
 from infoplan.draw import style
 from infoplan.draw.place_layout import beyond, end_of_deviation, picture_height, with_unit
 from infoplan.lookahead import Track
+from infoplan.palette import PURPLE, VERMILLION
 from infoplan.survey.area import Area
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 WIDTH, PANEL, AROUND = 7.0, 2.55, 1.15
 """Of the picture, of a panel, and what titles and the legend take, inches."""
 
-AHEAD, FLAG, ZONE = "#D55E00", "white", "#CC79A7"
+AHEAD, FLAG, ZONE = VERMILLION, "white", PURPLE
 """Colours of the track ahead, of what is flagged, and of zones."""
 
 
@@ -86,7 +87,7 @@ def draw_track(
                          extend=beyond(track.std_before, 0.0, most))  # fmt: skip
         drawing.legend(
             *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4,
-            fontsize=7, frameon=True, facecolor="0.6", framealpha=1.0,
+            frameon=True, facecolor=style.FAINT, framealpha=1.0,
         )  # fmt: skip
         numbers = pd.DataFrame(track.poses, columns=["x1", "x2", "heading"])
         numbers["deviation"] = track.deviation
@@ -95,7 +96,7 @@ def draw_track(
 
 def _draw_area(axes: "Axes", area: Area) -> None:
     """Draw the border and the zones, and make room for them."""
-    axes.fill(*area.border.T, fill=False, edgecolor="black", lw=0.8)
+    axes.fill(*area.border.T, fill=False, edgecolor=style.INK, lw=0.8)
     for number, zone in enumerate(area.zones):
         axes.fill(*zone.T, facecolor="none", edgecolor=ZONE, hatch="///", lw=0.8,
                   label="no-go zone" if number == 0 else None)  # fmt: skip

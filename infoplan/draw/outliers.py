@@ -63,9 +63,9 @@ def picture(table: FaultTable) -> "Figure":
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     if table.references and len(table.references) < rows:
-        axes.axhline(len(table.references) - 0.5, color="black", lw=1.2)
+        axes.axhline(len(table.references) - 0.5, color=style.INK, lw=1.2)
     _colour_bar(axes, colours, means)
-    figure.supxlabel("\n".join(notes), fontsize=5.5, ha="left", x=0.02)
+    figure.supxlabel("\n".join(notes), fontsize=style.TINY, ha="left", x=0.02)
     return figure
 
 
@@ -91,8 +91,8 @@ def _draw_cell(
     corner = (column - 0.5, row - 0.5)
     hatch = None if known else "////"
     axes.add_patch(
-        Rectangle(corner, 1, 1, facecolor=colour, edgecolor="white" if known else "0.8", lw=0.8,
-                  hatch=hatch)
+        Rectangle(corner, 1, 1, facecolor=colour, edgecolor="white" if known else style.GRID,
+                  lw=0.8, hatch=hatch)
     )  # fmt: skip
     ink = style.ink_on(colour)
     if best:
@@ -100,9 +100,11 @@ def _draw_cell(
         axes.add_patch(Rectangle(inner, 0.92, 0.88, fill=False, edgecolor=ink, lw=0.7))
     weight = "bold" if best else "normal"
     axes.text(column, row - 0.16 if half else row, text.replace(" ", "\n"), ha="center",
-              va="center", color=ink, fontsize=6.0 if known else 5.0, weight=weight)  # fmt: skip
+              va="center", color=ink, fontsize=style.SMALL if known else style.TINY,
+              weight=weight)  # fmt: skip
     if half:
-        axes.text(column, row + 0.25, half, ha="center", va="center", color=ink, fontsize=4.8)
+        axes.text(column, row + 0.25, half, ha="center", va="center", color=ink,
+                  fontsize=style.TINY)  # fmt: skip
 
 
 def _colour_bar(axes: "Axes", colours: "ScalarMappable", means: NDArray[np.float64]) -> None:

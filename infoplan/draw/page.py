@@ -8,7 +8,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from infoplan.draw.page_theme import custom_properties
 from infoplan.files import writing
+from infoplan.method_identity import Look
 from infoplan.wording import harmless
 
 HERE = Path(__file__).parent
@@ -51,9 +53,28 @@ def fill_page(
         first_words=first_words,
         body=body,
         data=embedded(data),
-        style="\n".join((HERE / f"{one}.css").read_text(encoding="utf-8") for one in sheets),
+        style=style_sheet(*sheets),
         script="\n".join((HERE / f"{one}.js").read_text(encoding="utf-8") for one in sheets),
         version=as_html(version("infoplan")),
+    )
+
+
+def style_sheet(*names: str) -> str:
+    """Write the properties that all pages share, and after them style sheets beside this module."""
+    sheets = ((HERE / f"{name}.css").read_text(encoding="utf-8") for name in names)
+    return "\n".join([custom_properties(), *sheets])
+
+
+def dash_array(look: Look) -> str:
+    """Write a line style as SVG does, for a line of two pixels."""
+    return " ".join(f"{2 * length:g}" for length in look.dashes)
+
+
+def method_key(look: Look) -> str:
+    """Draw a short piece of a method's line."""
+    return (
+        f'<svg class="key" viewBox="0 0 30 12" aria-hidden="true" style="--colour:{look.colour}">'
+        f'<path class="line" d="M1 6H29" stroke-dasharray="{dash_array(look)}"/></svg>'
     )
 
 

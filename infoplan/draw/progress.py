@@ -13,12 +13,13 @@ from rich.text import Text
 
 from infoplan.draw.console import say as say_sentence
 from infoplan.output import complain
+from infoplan.palette import TERMINAL
 from infoplan.study.estimate import Clock, Kind, Pace, duration, kind_of, wall_seconds
 from infoplan.study.flight import COMPILING, Task
 from infoplan.study.listening import Listener, Tone
 from infoplan.wording import figure, harmless
 
-STYLES: dict[Tone, str] = {"note": "", "warning": "yellow", "alarm": "bold yellow"}
+STYLES: dict[Tone, str] = {"note": "", "warning": TERMINAL["caution"], "alarm": TERMINAL["alarm"]}
 """Rich's style of a sentence."""
 
 STEPS = 1000
@@ -145,7 +146,7 @@ class Display:
         """Show that a mission has failed."""
         self.lines[mission].state = "over"
         self.counts["failed"] += 1
-        self._say_of(self.lines[mission], f"FAILED: {reason}", style="bold red")
+        self._say_of(self.lines[mission], f"FAILED: {reason}", style=TERMINAL["failure"])
 
     def report(self, mission: int, collected: int, rmse: float | None) -> None:
         """Show how far a mission is; news of one that is not under way, or old news, are none.

@@ -22,7 +22,13 @@ from infoplan.analyse.tables import Selection, study_of, told_apart
 from infoplan.collapse import collapse_sentence, moving_sentence
 from infoplan.config import is_survey
 from infoplan.draw import claims_table, explain_table, fault_table
-from infoplan.draw.page import as_html, fill_page, html_table, sentence, write_page
+from infoplan.draw.page import (
+    as_html,
+    fill_page,
+    html_table,
+    sentence,
+    write_page,
+)
 from infoplan.draw.report_data import (
     Findings,
     Panel,

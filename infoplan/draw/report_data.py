@@ -35,6 +35,7 @@ from infoplan.collapse import counted_ends, share_text
 from infoplan.config import is_survey
 from infoplan.draw.calibration import coverage
 from infoplan.draw.line_panels import PANELS
+from infoplan.draw.page import dash_array
 from infoplan.method_identity import NEVER_ERRS, looks
 from infoplan.study.records import Footer
 from infoplan.study.store import read_footer, read_table, table_path
@@ -171,16 +172,11 @@ def method_looks(present: Collection[str]) -> list[dict[str, Any]]:
         {
             "name": method,
             "colour": look.colour,
-            "dash": _dash(look.dashes),
+            "dash": dash_array(look),
             "shown": method in (papers_own or set(present)),
         }
         for method, look in looks(present).items()
     ]
-
-
-def _dash(dashes: Sequence[float]) -> str:
-    """Write a line style as SVG does, for a line of two pixels."""
-    return " ".join(f"{2 * length:g}" for length in dashes)
 
 
 def curve_charts(panels: Sequence[Panel], findings: Findings) -> list[dict[str, Any]]:

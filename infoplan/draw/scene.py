@@ -12,12 +12,14 @@ from infoplan.draw import style
 from infoplan.draw.moving_files import Picture
 from infoplan.draw.recording import Recording
 from infoplan.method_identity import Look, looks
+from infoplan.palette import MARKS, RIM
 from infoplan.scoring import State
 from infoplan.wording import figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
+    from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
 Floats = NDArray[np.float64]
@@ -152,20 +154,24 @@ class Scene:
         axes.set_title(f"{ground}, path and samples", loc="left")
         (self.path,) = axes.plot([], [], color="white", lw=0.8, alpha=0.75)
         (self.newest,) = axes.plot([], [], ".-", color="white", lw=1.4, ms=3.5)
-        (self.missed,) = axes.plot([], [], "v", color="#FF4FB0", label="outlier missed")
-        (self.caught,) = axes.plot(
-            [], [], "o", color="white", label="flagged" if self.surveyed else "outlier caught"
-        )
-        (self.false_alarms,) = axes.plot([], [], "X", color="#FF6A00", label="false alarm")
+        self.missed = self._mark(axes, "missed", "outlier missed")
+        told = ("flagged", "flagged") if self.surveyed else ("caught", "outlier caught")
+        self.caught = self._mark(axes, *told)
+        self.false_alarms = self._mark(axes, "false-alarm", "false alarm")
         marks = [self.caught, self.missed, self.false_alarms]
-        for mark in marks:
-            mark.set(markersize=5.5, markeredgecolor="black", markeredgewidth=0.6)
-        (self.robot,) = axes.plot([], [], "D", color="black", mec="white", label="robot")
-        told = [self.caught] if self.surveyed else marks
+        (self.robot,) = axes.plot([], [], "D", color=style.INK, mec="white", label="robot")
+        shown = [self.caught] if self.surveyed else marks
         axes.legend(
-            handles=[*told, self.robot], ncols=4, loc="upper left", bbox_to_anchor=(0, -0.05),
+            handles=[*shown, self.robot], ncols=4, loc="upper left", bbox_to_anchor=(0, -0.05),
             borderaxespad=0, handletextpad=0.2, columnspacing=1.2,
         )  # fmt: skip
+
+    def _mark(self, axes: "Axes", name: str, label: str) -> "Line2D":
+        """Make the marks of a kind, as yet of no samples."""
+        mark = MARKS[name]
+        (line,) = axes.plot([], [], mark.marker, color=mark.colour, label=label)
+        line.set(markersize=5.5, markeredgecolor=RIM, markeredgewidth=0.6)
+        return line
 
     def _errors_of(self, state: State) -> Floats:
         """Absolute error at the nodes; of a survey, the change of the mean until the end."""

@@ -18,6 +18,7 @@ from infoplan.draw.console import INDENT, say
 from infoplan.draw.survey_table import print_logs, score_lines
 from infoplan.draw.terminal import plot_lines, takes_braille
 from infoplan.errors import UsageError
+from infoplan.palette import TERMINAL
 from infoplan.wording import counted, figure, interval
 
 PARTS = ("plan", "fit", "predict", "detect")
@@ -55,9 +56,9 @@ def show(selection: Selection, console: Console) -> None:
         for seed in selection.seeds(runs[0]):
             print_logs(selection.results_dir, runs[0], seed, console)
     if said := collapse(curves, selection.results_dir):
-        say(console, said, style="yellow")
+        say(console, said, style=TERMINAL["caution"])
     if said := moving(curves, selection.results_dir):
-        say(console, said, style="yellow")
+        say(console, said, style=TERMINAL["caution"])
     console.print()
     if not surveyed:
         _print_fields(_further_scores(curves, selection), console)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from infoplan.analyse.multiverse import ClaimCurve
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw import style
+from infoplan.palette import GREEN, VERDICTS
 from infoplan.study.universes import CHOICES, DEFAULT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-VERDICTS = {"supported": "#009E73", "undecided": "#999999", "contradicted": "#D55E00"}
-"""Colours; of Okabe and Ito's palette."""
 
 ACROSS = 3
 """Panels beside each other."""
@@ -28,9 +26,9 @@ ACROSS = 3
 def draw_overview(curves: Sequence[ClaimCurve], nearest: Sequence[str], folder: Path) -> list[Path]:
     """Draw the curves of all claims, a panel each; returns the files.
 
-    Dots are universes, coloured by the verdict on the whole claim; thin lines are 95 % t intervals
-    of the comparison that binds. Shaded is where the claim says that it lies. A ring marks the
-    defaults, a tick below those universes that are nearest to the authors' clip.
+    Marks are universes, coloured and shaped by the verdict on the whole claim; thin lines are
+    95 % t intervals of the comparison that binds. Shaded is where the claim says that it lies. A
+    ring marks the defaults, a tick below those universes that are nearest to the authors' clip.
     """
     with style.journal():
         rows = -(-len(curves) // ACROSS)
@@ -38,8 +36,8 @@ def draw_overview(curves: Sequence[ClaimCurve], nearest: Sequence[str], folder: 
         panels = figure.subplots(rows, ACROSS, squeeze=False)
         for curve, axes in zip(curves, panels.flat, strict=False):
             _draw_curve(axes, curve, nearest)
-            title = "\n".join(wrap(f"{curve.name} {curve.text}", 44)[:2])
-            axes.set_title(title, loc="left", fontsize=6.0)
+            title = "\n".join(wrap(f"{curve.name} {curve.text}", 41)[:2])
+            axes.set_title(title, loc="left", fontsize=style.SMALL)
         for axes in panels.flat[len(curves) :]:
             axes.set_axis_off()
         _legend(figure)
@@ -59,16 +57,18 @@ def draw_claim(
         order = _draw_curve(top, curve, nearest)
         top.set_title(f"{curve.name}: {curve.text}", loc="left")
         levels = {one.name: one.levels for one in multiverse.universes}
-        colours = [VERDICTS[curve.verdicts[place]] for place in order]
         for row, (choice, level) in enumerate(labels):
-            has = [levels[curve.universes[place]][choice.name] == level for place in order]
-            at = np.flatnonzero(has)
-            below.scatter(at, np.full(len(at), row), s=3.5, lw=0, c=[colours[i] for i in at])
+            has = np.array(
+                [levels[curve.universes[place]][choice.name] == level for place in order]
+            )
+            for verdict in VERDICTS:
+                at = np.flatnonzero(has & _are(curve, order, verdict))
+                below.scatter(at, np.full(len(at), row), **_mark(verdict))
             if level == choice.default and row:
-                below.axhline(row - 0.5, color="0.85", lw=0.4, zorder=0)
+                below.axhline(row - 0.5, color=style.GRID, lw=0.4, zorder=0)
         below.set_yticks(range(len(labels)), [
             f"{choice.name if level == choice.default else ''}  {level}" for choice, level in labels
-        ], fontsize=4.8)  # fmt: skip
+        ], fontsize=style.TINY)  # fmt: skip
         below.set(ylim=(len(labels) - 0.5, -0.5), xlabel="universe, by effect")
         below.tick_params(axis="y", length=0)
         _legend(figure)
@@ -100,7 +100,7 @@ def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Pa
                 colour = style.rgba(image, value)
                 axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center",
                           color=style.ink_on(colour), weight="bold" if bold else "normal",
-                          fontsize=6.0)  # fmt: skip
+                          fontsize=style.SMALL)  # fmt: skip
         axes.set_yticks(range(len(shares)), list(shares.index))
         axes.set_xticks(range(len(shares.columns)), list(shares.columns), rotation=40, ha="left",
                         rotation_mode="anchor")  # fmt: skip
@@ -135,24 +135,37 @@ def _draw_curve(axes: "Axes", curve: ClaimCurve, nearest: Sequence[str]) -> NDAr
     low, high = (np.array([getattr(one, end) for one in found]) for end in ("low", "high"))
     # A few universes have intervals that would leave the others no room.
     bottom, top = _frame(means, low, high)
-    axes.axhspan(max(curve.stated.low, bottom), min(curve.stated.high, top), color="#009E73",
+    axes.axhspan(max(curve.stated.low, bottom), min(curve.stated.high, top), color=GREEN,
                  alpha=0.1, lw=0)  # fmt: skip
-    axes.axhline(0, color="0.6", lw=0.5)
-    for verdict, colour in VERDICTS.items():
-        chosen = np.array([curve.verdicts[place] == verdict for place in order])
-        axes.vlines(at[chosen], low[chosen], high[chosen], color=colour, lw=0.5, alpha=0.6)
-        axes.scatter(at[chosen], means[chosen], s=4, lw=0, color=colour, zorder=3)
+    axes.axhline(0, color=style.FAINT, lw=0.5)
+    for verdict, mark in VERDICTS.items():
+        chosen = _are(curve, order, verdict)
+        axes.vlines(at[chosen], low[chosen], high[chosen], color=mark.colour, lw=0.5, alpha=0.6)
+        axes.scatter(at[chosen], means[chosen], **_mark(verdict), zorder=3)
     names = [curve.universes[place] for place in order]
     if DEFAULT in names:
         place = names.index(DEFAULT)
-        axes.scatter([place], [means[place]], s=22, facecolors="none", edgecolors="black", lw=0.8,
+        axes.scatter([place], [means[place]], s=22, facecolors="none", edgecolors=style.INK, lw=0.8,
                      zorder=4)  # fmt: skip
     near = [place for place, name in enumerate(names) if name in nearest]
-    axes.scatter(near, np.full(len(near), bottom), marker="|", s=14, color="black", lw=0.7,
+    axes.scatter(near, np.full(len(near), bottom), marker="|", s=14, color=style.INK, lw=0.7,
                  clip_on=False, zorder=5)  # fmt: skip
     axes.set(xlim=(-1, len(order)), ylim=(bottom, top))
-    axes.set_ylabel(f"{_broken(curve.what)}{f' ({curve.unit})' if curve.unit else ''}", fontsize=5)
+    unit = f" ({curve.unit})" if curve.unit else ""
+    axes.set_ylabel(f"{_broken(curve.what)}{unit}", fontsize=style.TINY)
     return order
+
+
+def _are(curve: ClaimCurve, order: NDArray[np.int64], verdict: str) -> NDArray[np.bool_]:
+    """Say of the universes, in that order, whether they have a verdict."""
+    return np.array([curve.verdicts[place] == verdict for place in order])
+
+
+def _mark(verdict: str) -> dict[str, Any]:
+    """Give colour, shape and size of a verdict's marks as Matplotlib's arguments."""
+    mark = VERDICTS[verdict]
+    # A cross is nothing but its line.
+    return {"color": mark.colour, "marker": mark.marker, "s": 6, "lw": 0.6 * (mark.marker == "x")}
 
 
 def _frame(means: NDArray[np.float64], *ends: NDArray[np.float64]) -> tuple[float, float]:
@@ -174,11 +187,11 @@ def _legend(figure: "Figure") -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], marker="o", ms=3, lw=0, color=colour, label=verdict)
-        for verdict, colour in VERDICTS.items()
+        Line2D([], [], marker=mark.marker, ms=3, lw=0, color=mark.colour, label=verdict)
+        for verdict, mark in VERDICTS.items()
     ]
     handles += [
-        Line2D([], [], marker="o", ms=5, lw=0, mfc="none", mec="black", label="defaults"),
-        Line2D([], [], marker="|", ms=5, lw=0, color="black", label="nearest to the clip"),
+        Line2D([], [], marker="o", ms=5, lw=0, mfc="none", mec=style.INK, label="defaults"),
+        Line2D([], [], marker="|", ms=5, lw=0, color=style.INK, label="nearest to the clip"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)

@@ -6,6 +6,7 @@ from infoplan.analyse.status import Status
 from infoplan.draw.console import say
 from infoplan.draw.study_tables import option_cells
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
+from infoplan.palette import TERMINAL
 from infoplan.study.estimate import duration
 from infoplan.wording import figure, spans
 
@@ -17,7 +18,7 @@ def print_status(found: Status, console: Console) -> None:
     else:
         say(console, f"there is no run in {found.results_dir} yet")
     for problem in found.problems:
-        say(console, problem, style="yellow")
+        say(console, problem, style=TERMINAL["caution"])
 
 
 def _print_table(found: Status, console: Console) -> None:
@@ -30,7 +31,10 @@ def _print_table(found: Status, console: Console) -> None:
         *(TextColumn(name, right=True) for name in apart),
         *(
             TextColumn(
-                name, right=True, empty="none", style="red" if name in ("failed", "broken") else ""
+                name,
+                right=True,
+                empty="none",
+                style=TERMINAL["failure"] if name in ("failed", "broken") else "",
             )
             for name in kept
         ),

@@ -14,6 +14,7 @@ from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.draw.terminal import small_curves, takes_braille
 from infoplan.method_identity import method_of
+from infoplan.palette import TERMINAL
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
 from infoplan.study.pool import worker_count
@@ -33,14 +34,14 @@ def print_summary(study: Study, console: Console) -> None:
     ends = {run.name: _ends(study, run, curves[run.name]) for run, _ in study.runs}
     _print_closing_table(study, curves, ends, console)
     if said := collapse_sentence([end for of_run in ends.values() for end in of_run]):
-        say(console, said, style="yellow")
+        say(console, said, style=TERMINAL["caution"])
     if said := moving_sentence([
         ended_moving(study.results_dir, name, int(curve["seed"][-1]), curve.columns)
         for name, of_run in curves.items() for curve in of_run
     ]):  # fmt: skip
-        say(console, said, style="yellow")
+        say(console, said, style=TERMINAL["caution"])
     for label, reason, path in study.failed:
-        say(console, f"FAILED {label}: {reason} ({path})", style="bold red")
+        say(console, f"FAILED {label}: {reason} ({path})", style=TERMINAL["failure"])
     parts = [f"{counted(study.computed, 'mission')} computed", f"{study.kept} kept"]
     if study.failed:
         parts.append(f"{len(study.failed)} failed (the same command tries them again)")
@@ -73,7 +74,7 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
     print_table(console, "what would run", columns, rows)
     for stored in study.stored.values():
         if stored.state == "broken":
-            say(console, f"broken: {stored.reason}", style="yellow")
+            say(console, f"broken: {stored.reason}", style=TERMINAL["caution"])
     there = len(study.stored) - len(todo)
     say(console, f"{counted(len(todo), 'mission')} would run, {there} "
         f"{'is' if there == 1 else 'are'} stored in {study.results_dir}")  # fmt: skip

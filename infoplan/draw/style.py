@@ -44,27 +44,34 @@ ELEVATION, DEVIATION, ERROR, DENSITY = "viridis", "cividis", "magma_r", "YlOrBr"
 SCORE = "cividis_r"
 """Colour maps; lightness alone tells their values apart."""
 
+TITLE, TEXT, LABEL, SMALL, TINY = 7.5, 7.0, 6.5, 6.0, 5.5
+"""Sizes of letters, points: titles, axes, ticks and legends, notes, and what fills cells."""
+
+INK, DARK, FAINT, GRID = "black", "0.35", "0.6", "0.85"
+"""Neutral tones: what is measured, arrows, lines to compare with, and the grid."""
+
 # Any: matplotlib types its settings name by name.
 SETTINGS: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 7.0,
-    "axes.labelsize": 7.0,
-    "axes.titlesize": 7.5,
+    "font.size": TEXT,
+    "axes.labelsize": TEXT,
+    "axes.titlesize": TITLE,
     "axes.titlepad": 3.0,
     "axes.labelpad": 2.0,
+    "figure.labelsize": TEXT,
     "axes.linewidth": 0.6,
-    "xtick.labelsize": 6.5,
-    "ytick.labelsize": 6.5,
+    "xtick.labelsize": LABEL,
+    "ytick.labelsize": LABEL,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
     "xtick.major.pad": 2.0,
     "ytick.major.pad": 2.0,
-    "legend.fontsize": 6.5,
+    "legend.fontsize": LABEL,
     "legend.frameon": False,
-    "grid.color": "0.85",
+    "grid.color": GRID,
     "grid.linewidth": 0.3,
     "lines.linewidth": 1.2,
     # Type 42 embeds the fonts whole, which publishers ask for.

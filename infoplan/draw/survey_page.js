@@ -142,6 +142,14 @@
 
   // Drawing
 
+  // Marks have the same colours in light and in dark.
+  const properties = getComputedStyle(document.documentElement);
+  const inks = new Map();
+  function ink(name) {
+    if (!inks.has(name)) inks.set(name, properties.getPropertyValue(`--${name}`).trim());
+    return inks.get(name);
+  }
+
   function colourOf({ low, high, palette }, number) {
     const share = (number - low) / (high - low || 1);
     return palette[Math.round(Math.min(1, Math.max(0, share)) * (palette.length - 1))];
@@ -242,7 +250,7 @@
   }
 
   function cross(left, top) {
-    for (const [width, colour] of [[5, "#10202e"], [2.2, "#ff8a3d"]]) {
+    for (const [width, colour] of [[5, ink("rim")], [2.2, ink("flagged")]]) {
       pen.beginPath();
       pen.moveTo(left - 5, top - 5);
       pen.lineTo(left + 5, top + 5);
@@ -256,7 +264,7 @@
 
   // A later log has been here.
   function frame(left, top) {
-    for (const [width, colour] of [[5, "#10202e"], [2.2, "#7cc7ff"]]) {
+    for (const [width, colour] of [[5, ink("rim")], [2.2, ink("revisited")]]) {
       pen.lineWidth = width;
       pen.strokeStyle = colour;
       pen.strokeRect(left - 8, top - 8, 16, 16);
@@ -264,7 +272,7 @@
   }
 
   function ring(left, top) {
-    for (const [width, colour] of [[5, "#10202e"], [2.2, "#ffffff"]]) {
+    for (const [width, colour] of [[5, ink("rim")], [2.2, ink("caught")]]) {
       pen.beginPath();
       pen.arc(left, top, 10, 0, 2 * Math.PI);
       pen.lineWidth = width;

@@ -17,6 +17,7 @@ from infoplan.draw.place_layout import (
     picture_height,
     with_unit,
 )
+from infoplan.palette import ORANGE, OUTLIER, PURPLE, SKY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ IN_A_ROW = 3
 MANY = 60
 """Flagged samples from which on their marks get smaller."""
 
-COLOURS, LINES, MARKERS = ("0.6", "#56B4E9", "#CC79A7", "#E69F00"), ("-", "--", ":"), "os^D"
+COLOURS, LINES, MARKERS = (style.FAINT, SKY, PURPLE, ORANGE), ("-", "--", ":"), "os^D"
 """Of the tracks of several logs, in turn."""
 
 
@@ -97,7 +98,7 @@ def survey_figure(
     track, *others = drawing.subplots(1, 3, sharex=True, sharey=True)
     _draw_tracks(track, samples)
     if rows:
-        drawing.legend(loc="outside lower center", ncols=min(IN_A_ROW, len(names)), fontsize=7)
+        drawing.legend(loc="outside lower center", ncols=min(IN_A_ROW, len(names)))
     for part, marker in zip(_tracks(kept).values(), cycle(MARKERS), strict=False):
         values = track.scatter(
             part["x1"], part["x2"], c=part["measured"], s=6, cmap=style.ELEVATION, vmin=low,
@@ -107,7 +108,7 @@ def survey_figure(
     style.frame_workspace(track, extent)
     style.colour_bar(values, track, with_unit("value", unit))
     style.panel(track, "a", f"{style.inert(place)}: {flagged.sum()} flagged")
-    _mark(track, samples[flagged], "#D55E00")
+    _mark(track, samples[flagged], OUTLIER)
     for axes, letter, what, grid, cmap, ends in (
         (others[0], "b", "mean", mean, style.ELEVATION, (low, high)),
         (others[1], "c", "standard deviation", std, style.DEVIATION,
@@ -138,7 +139,7 @@ def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
     """Draw the track of each log; several are told apart by colour and line."""
     tracks = _tracks(samples)
     for number, (name, part) in enumerate(tracks.items()):
-        colour, line, width = "0.75", "-", 0.6
+        colour, line, width = style.GRID, "-", 0.6
         if len(tracks) > 1:
             colour, width = COLOURS[number % len(COLOURS)], 2.6
             line = LINES[number // len(COLOURS) % len(LINES)]

@@ -12,6 +12,7 @@ from infoplan.analyse.stretches import NO_TRUTH, gain, read_stretches, scores_by
 from infoplan.collapse import collapse_sentence
 from infoplan.draw.console import INDENT, say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
+from infoplan.palette import TERMINAL
 from infoplan.study.store import present_tables, read_table
 from infoplan.study.stored_curves import ended_collapsed
 from infoplan.study.study import Study
@@ -48,7 +49,7 @@ def print_survey(study: Study, console: Console, folder: Path, files: Sequence[s
         say(console, line, indent=INDENT)
     last = read_table(study.results_dir, "curves", run.name, seed).to_pylist()[-1]
     if said := collapse_sentence([ended_collapsed(study.results_dir, run.name, seed, last)]):
-        say(console, said, indent=INDENT, style="yellow")
+        say(console, said, indent=INDENT, style=TERMINAL["caution"])
     say(console, f"{folder}:")
     for file in files:
         say(console, f"{INDENT}{file}", indent=2 * INDENT)

@@ -103,7 +103,7 @@ def terrain_figure(terrain: Terrain) -> "tuple[Figure, pd.DataFrame]":
     image = style.show_relief(axes, coarsened(terrain), terrain.extent)
     style.show_obstacles(axes, [polygon.tolist() for polygon in terrain.obstacles.polygons])
     axes.plot(path[:, 0], path[:, 1], ".-", color="white", markersize=2.5, linewidth=0.6)
-    axes.plot(*path[0, :2], "o", color="white", markeredgecolor="black", clip_on=False)
+    axes.plot(*path[0, :2], "o", color="white", markeredgecolor=style.INK, clip_on=False)
     narrow = len(terrain.name) > 12 or terrain.world is not None
     space = "\n" if narrow else " "
     title = f"{terrain.name},{space}pilot path from the ringed sample"
