@@ -1,9 +1,13 @@
 """The console command: call, and say in one sentence what went wrong."""
 
+import gc
 import os
 import sys
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+COLLECT_AFTER = 50_000
+"""So many objects more than before, cycles among them are looked for; Python's own is 700."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -24,6 +28,7 @@ def main(argv: list[str] | None = None) -> int:
 
     arguments = sys.argv[1:] if argv is None else argv
     if argv is None:
+        gc.set_threshold(COLLECT_AFTER)  # imports make much that stays: looking for cycles is slow
         os.environ["MPLBACKEND"] = "Agg"  # of a notebook, or a screen, nothing may be inherited
     with stoppable(for_good=argv is None), standard_streams() as output:
         status = _caught(arguments)

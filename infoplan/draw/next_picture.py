@@ -91,7 +91,7 @@ def draw_track(
         )  # fmt: skip
         numbers = pd.DataFrame(track.poses, columns=["x1", "x2", "heading"])
         numbers["deviation"] = track.deviation
-        return style.save(drawing, folder, "picture", numbers, style.FIELD)
+        return style.save(drawing, folder, "picture", numbers, in_print=False)
 
 
 def _draw_area(axes: "Axes", area: Area) -> None:

@@ -136,8 +136,8 @@ def _figure_class() -> Any:
     return NotebookFigure
 
 
-PAPER, FIELD = ("png", "pdf"), ("png",)
-"""Kinds of files of a figure for print, and of a picture that is wanted in a second."""
+PRINT_DPI, FIELD_DPI = 300, 200
+"""Dots an inch of a figure for print, and of a picture that is wanted in a second."""
 
 
 def save(
@@ -145,9 +145,9 @@ def save(
     folder: Path,
     name: str,
     numbers: pd.DataFrame,
-    kinds: tuple[str, ...] = PAPER,
+    in_print: bool = True,
 ) -> list[Path]:
-    """Write a figure, and what it shows as CSV.
+    """Write a figure as PNG and PDF, and what it shows as CSV.
 
     Parameters
     ----------
@@ -157,20 +157,21 @@ def save(
         Where, and the files' stem.
     numbers
         The plotted numbers, one row a point.
-    kinds
-        Of the picture's files.
+    in_print
+        False: a PNG alone, as sharp as screens are.
 
     Returns
     -------
     list of Path
-        The pictures as `kinds` has them, then the CSV.
+        The pictures, PNG first, then the CSV.
 
     Raises
     ------
     RunError
         If they cannot be written.
     """
-    *pictures, table = (folder / f"{name}.{kind}" for kind in (*kinds, "csv"))
+    kinds = ("png", "pdf", "csv") if in_print else ("png", "csv")
+    *pictures, table = (folder / f"{name}.{kind}" for kind in kinds)
     texts = {
         str(name): column.map(csv_cell, na_action="ignore")
         for name, column in numbers.items()
@@ -181,7 +182,7 @@ def save(
         for path in pictures:
             # Without a date the same results give the same file.
             undated = {"CreationDate": None} if path.suffix == ".pdf" else None
-            figure.savefig(path, dpi=300, metadata=undated)
+            figure.savefig(path, dpi=PRINT_DPI if in_print else FIELD_DPI, metadata=undated)
         numbers.assign(**texts).to_csv(table, index=False, float_format="%.10g")
     return [*pictures, table]
 

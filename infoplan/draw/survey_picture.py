@@ -65,7 +65,7 @@ def draw_survey(
     """
     with style.journal():
         drawing, numbers = survey_figure(samples, maps, place, unit)
-        return style.save(drawing, folder, "picture", numbers, style.FIELD)
+        return style.save(drawing, folder, "picture", numbers, in_print=False)
 
 
 def survey_figure(
