@@ -10,7 +10,7 @@ from infoplan.cli import main
 
 ROOT = Path(__file__).parents[1]
 WIDTH = 1000
-"""Pixels; what the command draws is for paper, three times as wide."""
+"""Pixels; what the command draws is almost twice as wide."""
 
 
 def draw_survey(folder: Path = ROOT / "docs", *options: str) -> Path:
@@ -22,8 +22,9 @@ def draw_survey(folder: Path = ROOT / "docs", *options: str) -> Path:
         (drawn,) = Path(results).glob("surveys/*/picture.png")
         with Image.open(drawn) as picture:
             size = WIDTH, round(picture.height * WIDTH / picture.width)
+            # All colours: a palette of 256 turns the marks of flags brown.
             small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    small.quantize(256, dither=Image.Dither.NONE).save(folder / "survey.png", optimize=True)
+    small.save(folder / "survey.png", optimize=True)
     return folder / "survey.png"
 
 

@@ -1,7 +1,12 @@
 """A page in Chromium, for the tests of all pages."""
 
 import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
+
+Page = TypeVar("Page", bound="Browser")
 
 
 class Browser:
@@ -62,3 +67,23 @@ def contrast(browser: Browser, selector: str) -> float:
     )
     low, high = sorted((luminance(ink), luminance(paper)))
     return (high + 0.05) / (low + 0.05)
+
+
+@contextmanager
+def silent(browser: Page) -> Iterator[Page]:
+    """Whatever a test does with a page: no error, no warning, no request, no dialogue."""
+    yield browser
+    assert browser.driver.get_log("browser") == []
+    assert browser.fetched() == []
+
+
+def paper(browser: Browser) -> float:
+    """Luminance of the page's ground."""
+    return luminance(browser.js("return getComputedStyle(document.body).backgroundColor"))
+
+
+def assert_readable(browser: Browser, dark: bool, selectors: Iterable[str]) -> None:
+    """The ground is of the theme, and texts stand out from what is behind them (WCAG AA)."""
+    assert (paper(browser) < 0.05) == dark
+    for selector in selectors:
+        assert contrast(browser, selector) >= 4.5, selector

@@ -26,12 +26,12 @@ def mission_figure(curves: pd.DataFrame, samples: pd.DataFrame, maps: pd.DataFra
     flagged = samples[samples["flagged"].to_numpy(dtype=bool)]
     figure = style.new_figure(style.PAGE, 2.2)
     mean, deviation, error = figure.subplots(1, 3)
-    for axes, letter, column, title, cmap, ink in (
-        (mean, "a", "mean", f"mean, {len(flagged)} flagged", style.ELEVATION, "white"),
-        (deviation, "b", "std", "standard deviation", style.DEVIATION, "white"),
+    for axes, letter, column, title, cmap in (
+        (mean, "a", "mean", f"mean, {len(flagged)} flagged", style.ELEVATION),
+        (deviation, "b", "std", "standard deviation", style.DEVIATION),
     ):
         image = style.show_map(axes, on_grid(maps, column), extent, cmap=cmap)
-        axes.plot(samples["x1"], samples["x2"], color=ink, lw=0.5, alpha=0.7)
+        axes.plot(samples["x1"], samples["x2"], color="white", lw=0.5, alpha=0.7)
         axes.plot(flagged["x1"], flagged["x2"], "x", color=OUTLIER, ms=4, mew=1.1)
         style.colour_bar(image, axes, "terrain's unit")
         style.panel(axes, letter, title)

@@ -1,11 +1,12 @@
 """The leaderboard as a reader meets it: in Chromium, on a phone, in the dark, on paper."""
 
 import base64
+from collections.abc import Iterator
 from pathlib import Path
 
 import made_methods
 import pytest
-from browsing import Browser, contrast, luminance
+from browsing import Browser, assert_readable, contrast, luminance, silent
 
 from infoplan.cli import main
 from infoplan.method_identity import PAPERS
@@ -25,11 +26,9 @@ def page(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def browser(driver, page) -> Browser:
-    opened = Browser(driver, page)
-    yield opened
-    assert driver.get_log("browser") == []
-    assert opened.fetched() == []
+def browser(driver, page) -> Iterator[Browser]:
+    with silent(Browser(driver, page)) as opened:
+        yield opened
 
 
 def key(browser: Browser, method: str) -> tuple[str, str]:
@@ -55,10 +54,7 @@ def test_methods_have_their_colours_and_lines(browser):
 @pytest.mark.parametrize("dark", [False, True])
 def test_both_themes_can_be_read(browser, dark):
     browser.open(dark=dark)
-    paper = browser.js("return getComputedStyle(document.body).backgroundColor")
-    assert (luminance(paper) < 0.05) == dark
-    for selector in ("p", ".muted", ".brand", ".board td", ".board th"):
-        assert contrast(browser, selector) >= 4.5, selector
+    assert_readable(browser, dark, ("p", ".muted", ".brand", ".board td", ".board th"))
 
 
 def test_dark_colours_are_lightened_in_the_dark(browser):

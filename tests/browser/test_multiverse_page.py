@@ -2,11 +2,12 @@
 
 import base64
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browsing import Browser, contrast, luminance
+from browsing import Browser, assert_readable, paper, silent
 from universes import AXIS, by_choice, made_up
 
 from infoplan.analyse.multiverse import claim_curves
@@ -63,12 +64,9 @@ class Explorer(Browser):
 
 
 @pytest.fixture
-def browser(driver, page) -> Explorer:
-    opened = Explorer(driver, page)
-    yield opened
-    # Whatever a test did: no error, no warning, no request.
-    assert driver.get_log("browser") == []
-    assert opened.fetched() == []
+def browser(driver, page) -> Iterator[Explorer]:
+    with silent(Explorer(driver, page)) as opened:
+        yield opened
 
 
 def test_the_curve_has_every_universe_by_its_verdict(browser, multiverse):
@@ -223,16 +221,15 @@ def test_a_narrow_screen_needs_no_scrolling_sideways(browser, width):
 @pytest.mark.parametrize("dark", [False, True])
 def test_both_themes_can_be_read(browser, dark):
     browser.open(dark=dark)
-    paper = browser.js("return getComputedStyle(document.body).backgroundColor")
-    assert (luminance(paper) < 0.05) == dark
-    for selector in ("p", ".muted", ".chip", "td.number", "figcaption", "select", "pre"):
-        assert contrast(browser, selector) >= 4.5, selector
+    assert_readable(
+        browser, dark, ("p", ".muted", ".chip", "td.number", "figcaption", "select", "pre")
+    )
 
 
 def test_paper_is_white_and_has_the_universe(browser):
     browser.open(dark=True)
     browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert luminance(browser.js("return getComputedStyle(document.body).backgroundColor")) > 0.9
+    assert paper(browser) > 0.9
     assert not browser.one("nav").is_displayed()
     printed = browser.driver.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})
     assert base64.b64decode(printed["data"]).startswith(b"%PDF")

@@ -2,12 +2,13 @@
 
 import base64
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import made_methods
 import pytest
-from browsing import Browser, contrast, luminance
+from browsing import Browser, assert_readable, paper, silent
 from flown import short_mission, store
 
 from infoplan.analyse.tables import find_missions, find_study
@@ -44,12 +45,9 @@ class Report(Browser):
 
 
 @pytest.fixture
-def browser(driver, page) -> Report:
-    opened = Report(driver, page)
-    yield opened
-    # Whatever a test did: no error, no warning, no request, no dialogue.
-    assert driver.get_log("browser") == []
-    assert opened.fetched() == []
+def browser(driver, page) -> Iterator[Report]:
+    with silent(Report(driver, page)) as opened:
+        yield opened
 
 
 def test_the_page_shows_charts_map_and_tables(browser):
@@ -265,10 +263,9 @@ def test_a_narrow_screen_needs_no_scrolling_sideways(browser, width):
 @pytest.mark.parametrize("dark", [False, True])
 def test_both_themes_can_be_read(browser, dark):
     browser.open(dark=dark)
-    paper = browser.js("return getComputedStyle(document.body).backgroundColor")
-    assert (luminance(paper) < 0.05) == dark
-    for selector in ("p", ".muted", "nav a", ".chip", "td.number", "figcaption", "select"):
-        assert contrast(browser, selector) >= 4.5, selector
+    assert_readable(
+        browser, dark, ("p", ".muted", "nav a", ".chip", "td.number", "figcaption", "select")
+    )
 
 
 def test_the_button_turns_the_theme(browser):
@@ -277,15 +274,15 @@ def test_the_button_turns_the_theme(browser):
     assert button.get_attribute("aria-pressed") == "false"
     button.click()
     assert button.get_attribute("aria-pressed") == "true"
-    assert luminance(browser.js("return getComputedStyle(document.body).backgroundColor")) < 0.05
+    assert paper(browser) < 0.05
     button.click()
-    assert luminance(browser.js("return getComputedStyle(document.body).backgroundColor")) > 0.9
+    assert paper(browser) > 0.9
 
 
 def test_paper_is_white_and_nothing_is_folded(browser):
     browser.open(dark=True)
     browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert luminance(browser.js("return getComputedStyle(document.body).backgroundColor")) > 0.9
+    assert paper(browser) > 0.9
     assert not browser.one("nav").is_displayed()
     assert not browser.one("#theme").is_displayed()
     browser.js(

@@ -1,12 +1,13 @@
 """A survey's page as the one it was sent to meets it: mouse, fingers, keyboard, phone, printer."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from browsing import Browser, contrast, luminance
+from browsing import Browser, assert_readable, paper, silent
 from survey_logs import (
     HOSTILE,
     LONELY,
@@ -102,12 +103,9 @@ def bay(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def browser(driver, bay) -> Survey:
-    opened = Survey(driver, bay)
-    yield opened
-    # Whatever a test did: no error, no warning, no request, no dialogue.
-    assert driver.get_log("browser") == []
-    assert opened.fetched() == []
+def browser(driver, bay) -> Iterator[Survey]:
+    with silent(Survey(driver, bay)) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="module")
@@ -344,18 +342,29 @@ def test_a_narrow_screen_needs_no_scrolling_sideways(browser, width):
 @pytest.mark.parametrize("dark", [False, True])
 def test_both_themes_can_be_read(browser, dark):
     browser.open(dark=dark)
-    paper = browser.js("return getComputedStyle(document.body).backgroundColor")
-    assert (luminance(paper) < 0.05) == dark
     browser.one("#next-flag").click()
-    for selector in ("p", ".muted", "nav a", "td.number", ".choice [aria-pressed=true]",
-                     "#tip td", "#scale-text", ".north", "#position", ".bar span"):  # fmt: skip
-        assert contrast(browser, selector) >= 4.5, selector
+    assert_readable(
+        browser,
+        dark,
+        (
+            "p",
+            ".muted",
+            "nav a",
+            "td.number",
+            ".choice [aria-pressed=true]",
+            "#tip td",
+            "#scale-text",
+            ".north",
+            "#position",
+            ".bar span",
+        ),
+    )
 
 
 def test_paper_has_the_map_and_no_buttons(browser):
     browser.open(dark=True)
     browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    assert luminance(browser.js("return getComputedStyle(document.body).backgroundColor")) > 0.9
+    assert paper(browser) > 0.9
     for selector in ("nav", ".zoom", ".steps", "#theme", ".toolbar"):
         assert not browser.one(selector).is_displayed()
     assert browser.one("#map canvas").is_displayed()

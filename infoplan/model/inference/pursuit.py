@@ -65,7 +65,7 @@ def climb(inverse: np.ndarray, weights: np.ndarray, rho: np.ndarray, support: np
     precision, theirs = inverse[own].copy(), weights[support].copy()
     start = rho[support]
     values = start.copy()
-    gain = _climb(precision, theirs, values)
+    gain = _sweep(precision, theirs, values)
     changes = values - start
     if len(support) and changes.any():
         # Woodbury for all at once: A + E D E^T.
@@ -81,8 +81,8 @@ def climb(inverse: np.ndarray, weights: np.ndarray, rho: np.ndarray, support: np
 
 # Without contraction or another order of sums: every rho is what the formulas give step by step.
 @compiled(error_model="numpy")
-def _climb(precision: np.ndarray, theirs: np.ndarray, values: np.ndarray) -> float:
-    """Do so for P and P y of the support alone, all overwritten."""
+def _sweep(precision: np.ndarray, theirs: np.ndarray, values: np.ndarray) -> float:
+    """Climb within P and P y of the support alone; these and its rho are overwritten."""
     n, gain = len(values), 0.0
     column = np.empty(n)
     for _ in range(_MOST_SWEEPS):
