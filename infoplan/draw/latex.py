@@ -39,6 +39,9 @@ MINUS = re.compile(r"(?<![\w.)\]-])-(?=[\d.]|inf)")
 LONG = 40
 """Columns of longer texts are broken into lines."""
 
+PAGE = 45
+"""Tables of more rows are no floats: a page does not hold them."""
+
 
 class LatexConsole(PlainConsole):
     """A console for which tables are LaTeX, and all else is a comment."""
@@ -72,12 +75,15 @@ class LatexConsole(PlainConsole):
         rows
             Cells, one a column; None stands for a space between two groups of rows.
         """
-        text = tabular(titles, right, rows)
-        if title:
+        if title and len(rows) > PAGE:
+            text = longtable(escaped(title), titles, right, rows)
+        elif title:
             text = (
-                f"\\begin{{table}}\n\\centering\n\\caption{{{escaped(title)}}}\n{text}\n"
-                "\\end{table}"
+                f"\\begin{{table}}\n\\centering\n\\caption{{{escaped(title)}}}\n"
+                f"{tabular(titles, right, rows)}\n\\end{{table}}"
             )
+        else:
+            text = tabular(titles, right, rows)
         super().print(Text(text), soft_wrap=True)
 
 
@@ -85,21 +91,51 @@ def tabular(
     titles: Sequence[str], right: Sequence[bool], rows: Sequence[Sequence[Text] | None]
 ) -> str:
     """Write a `tabular` environment; parameters as of `LatexConsole.write_table`."""
+    return "\n".join([
+        f"\\begin{{tabular}}{{{_columns(right, rows)}}}",
+        *_heading(titles), *_body(rows), "\\end{tabular}",
+    ])  # fmt: skip
+
+
+def longtable(
+    caption: str,
+    titles: Sequence[str],
+    right: Sequence[bool],
+    rows: Sequence[Sequence[Text] | None],
+) -> str:
+    """Write a `longtable` environment, which breaks between pages and repeats its heading.
+
+    `caption` is LaTeX; the other parameters are as of `LatexConsole.write_table`.
+    """
+    return "\n".join([
+        f"\\begin{{longtable}}{{{_columns(right, rows)}}}",
+        f"\\caption{{{caption}}} \\\\", *_heading(titles), "\\endfirsthead",
+        *_heading(titles), "\\endhead", *_body(rows), "\\end{longtable}",
+    ])  # fmt: skip
+
+
+def _columns(right: Sequence[bool], rows: Sequence[Sequence[Text] | None]) -> str:
     full = [row for row in rows if row is not None]
-    kinds = [
+    return "".join(
         "r" if to_right
         else r"p{0.35\linewidth}" if any(len(row[i].plain) > LONG for row in full)
         else "l"
         for i, to_right in enumerate(right)
-    ]  # fmt: skip
-    lines = [f"\\begin{{tabular}}{{{''.join(kinds)}}}", "\\toprule"]
-    lines += [_line([escaped(name) for name in titles]), "\\midrule"]
+    )  # fmt: skip
+
+
+def _heading(titles: Sequence[str]) -> list[str]:
+    return ["\\toprule", _line([escaped(name) for name in titles]), "\\midrule"]
+
+
+def _body(rows: Sequence[Sequence[Text] | None]) -> list[str]:
+    lines = []
     for number, row in enumerate(rows):
         if row is not None:
             lines.append(_line([_cell(cell) for cell in row]))
         elif number < len(rows) - 1:
             lines.append("\\addlinespace")
-    return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"])
+    return [*lines, "\\bottomrule"]
 
 
 def escaped(text: str) -> str:

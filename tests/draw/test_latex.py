@@ -45,9 +45,13 @@ def as_set(latex: str) -> str:
 def cells(latex: str) -> list[list[str]]:
     """Cells of all rows of the tables in a document, headings included."""
     rows = []
-    for table in re.findall(r"\\begin\{tabular\}\{.*?\}\n(.*?)\\end\{tabular\}", latex, re.DOTALL):
-        for line in table.splitlines():
+    tables = r"\\begin\{(tabular|longtable)\}\{.*?\}\n(.*?)\\end\{\1\}"
+    for _, table in re.findall(tables, latex, re.DOTALL):
+        once = re.sub(r"\\endfirsthead\n.*?\\endhead\n", "", table, flags=re.DOTALL)
+        for line in once.splitlines():
             if line in (r"\toprule", r"\midrule", r"\bottomrule", r"\addlinespace"):
+                continue
+            if line.startswith(r"\caption{"):
                 continue
             assert line.endswith(r" \\"), line
             parts = re.split(r"(?<!\\) & ", line.removesuffix(r" \\"))
@@ -93,6 +97,17 @@ def test_a_table_is_whole_at_any_width_and_sentences_are_comments(capsys, monkey
     assert cells(said) == [["run", "a wide column"], ["uct ab12", "1.5 [1.0, 2.0]"]]
     assert r"\caption{50 \% of all\_runs}" in said
     assert said.endswith("\\end{table}\n\n% first\n% second\n")
+
+
+def test_a_table_longer_than_a_page_breaks_between_pages_under_its_heading_again(capsys):
+    rows = [[f"run {number}", str(number)] for number in range(60)]
+    columns = [TextColumn("run"), TextColumn("seeds", right=True)]
+    print_table(LatexConsole(), "all runs", columns, rows)
+    said = capsys.readouterr().out
+    assert cells(said) == [["run", "seeds"], *rows]
+    assert said.startswith("\\begin{longtable}{lr}\n\\caption{all runs} \\\\\n\\toprule\n")
+    assert said.count(r"run & seeds \\") == 2
+    assert said.index(r"\endfirsthead") < said.rindex(r"run & seeds") < said.index(r"\endhead")
 
 
 def test_the_leaderboard_has_the_cells_of_the_one_for_documents(capsys):
