@@ -230,6 +230,20 @@ def headings(x: Floats) -> Floats:
     return np.asarray(np.mod(turns, 2 * np.pi) % (2 * np.pi), dtype=np.float64)
 
 
+def check_judging(config: MissionConfig) -> None:
+    """Refuse a detector that cannot judge the samples of a survey, or nearly none of them."""
+    detector = config.detector
+    if detector.name == "best":
+        raise UsageError(
+            "detector=best needs the true labels, which nobody has of a survey: use another"
+        )
+    if detector.scope == "batch" and not detector.judge_pilot and config.terrain.batch is None:
+        raise UsageError(
+            "detector.scope=batch judges each batch but the first alone: survey with batch=, too, "
+            "or leave it out and all are judged"
+        )
+
+
 def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
     """Judge and map a log, and store the tables as those of a mission.
 
@@ -255,16 +269,7 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
     RunError
         If a table cannot be stored.
     """
-    if config.detector.name == "best":
-        raise UsageError(
-            "detector=best needs the true labels, which nobody has of a survey: use another"
-        )
-    detector = config.detector
-    if detector.scope == "batch" and not detector.judge_pilot and config.terrain.batch is None:
-        raise UsageError(
-            "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
-            "leave it out and all are judged"
-        )
+    check_judging(config)
     _check_size(config)
     check_mission(config)
     place = config.terrain

@@ -161,6 +161,21 @@ def test_a_replay_of_a_survey_is_the_survey(done):
     assert main(["replay", run, there, "backend=sequential", "detector=local"]) == 0
 
 
+def test_a_replay_judges_all_of_a_survey_with_another_detector_too(done, capsys):
+    folder, run = done
+    there = f"results_dir={folder / 'results'}"
+    surveyed = survey(folder, folder / "bay.csv", *QUICK, "detector=hampel")
+    assert main(["replay", run, there, "backend=sequential", "detector=hampel"]) == 0
+    replayed = next(path.stem for path in (folder / "results/runs").glob("replay-*hampel*"))
+    flags = [table(folder, "samples", name)["flagged"].tolist() for name in (surveyed, replayed)]
+    assert flags[0] == flags[1]
+    assert sum(flags[0])
+    capsys.readouterr()
+    for option, told in (("detector=best", "true labels"), ("detector.scope=batch", "batch=")):
+        assert main(["replay", run, there, option]) == 2
+        assert told in capsys.readouterr().err
+
+
 def test_the_clean_log_has_all_that_was_in_it(tmp_path):
     log = write_log(tmp_path / "bay.csv")
     lines = log.read_text().splitlines()
