@@ -133,6 +133,7 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
         return np.concatenate(found)
     epochs = _parts(log, None if batch == PER_LOG else batch)
     if epochs[-1] == 0:
+        _check_values(log)
         return np.where(np.arange(len(log)) == len(log) - 1, 1, 0)
     first = epochs == 0
     value = log.value[first & ~np.isnan(log.value)]
@@ -143,6 +144,17 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
             "make it longer, or leave it out"
         )
     return epochs
+
+
+def _check_values(log: SurveyLog) -> None:
+    """Refuse a log whose values, without the last sample's, have no standard deviation."""
+    value = log.value[:-1][~np.isnan(log.value[:-1])]
+    if len(value) and np.ptp(value) == 0:
+        raise UsageError(
+            f"{log.name}: all values of {log.roles['value']} are {value[0]:g}: there is nothing to "
+            "map; give a log whose values differ, or say which column to read with "
+            "columns={value: ...}"
+        )
 
 
 def _parts(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:

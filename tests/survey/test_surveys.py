@@ -265,6 +265,15 @@ def test_what_does_not_fit_is_told(options, sentence, tmp_path, capsys):
     assert sentence in capsys.readouterr().err
 
 
+def test_a_log_of_one_value_is_refused_before_it_is_judged(tmp_path, capsys):
+    log = tmp_path / "flat.csv"
+    log.write_text("x,y,depth\n" + "".join(f"{k % 7},{k % 5},3\n" for k in range(30)))
+    assert main(["survey", str(log), f"results_dir={tmp_path / 'results'}"]) == 2
+    told = capsys.readouterr().err
+    assert "flat: all values of depth are 3:" in told
+    assert "columns={value: ...}" in told
+
+
 def test_a_judged_pilot_needs_no_further_batch(tmp_path):
     log = write_log(tmp_path / "bay.csv")
     run = survey(tmp_path, log, *QUICK, "detector.scope=batch", "detector.judge_pilot=true")
