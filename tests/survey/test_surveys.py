@@ -132,7 +132,10 @@ def test_every_command_takes_it_and_says_where_there_is_no_truth(done, capsys):
     folder, run = done
     there = [f"results_dir={folder / 'results'}"]
     assert main(["show", run, *there]) == 0
-    assert "nobody knows the truth of a survey" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "nobody knows the truth of a survey" in told
+    assert "learning is not finished" in told
+    assert "infoplan explain" not in told, "which takes no survey"
     assert main(["status", *there]) == 0
     assert run in capsys.readouterr().out.replace("\n", "")
     assert main(["audit", run, *there]) == 0
