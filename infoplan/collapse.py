@@ -172,13 +172,15 @@ def was_moving(epochs: Sequence[bool | None]) -> bool | None:
     return 2 * sum(known) >= len(known) if known else None
 
 
-def moving_sentence(ends: Sequence[bool | None]) -> str:
+def moving_sentence(ends: Sequence[bool | None], explain: bool = True) -> str:
     """Say how many missions have ended while their hyperparameters were on the way.
 
     Parameters
     ----------
     ends
         Of each mission, from `was_moving`.
+    explain
+        Whether to lead to ``infoplan explain``, which takes no survey.
 
     Returns
     -------
@@ -190,8 +192,8 @@ def moving_sentence(ends: Sequence[bool | None]) -> str:
         return ""
     return (
         f"{_missions_end(count, known)} with hyperparameters that still move about as fast as "
-        "model.learning_rate lets them: learning is not finished, and infoplan explain tells what "
-        "that costs"
+        "model.learning_rate lets them: learning is not finished"
+        + (", and infoplan explain tells what that costs" if explain else "")
     )
 
 

@@ -288,8 +288,8 @@ class Mapping(click.ParamType):
               "infoplan survey may.csv june.csv",
               "infoplan survey 'log.csv' 'columns={x: East, y: North, value: D}' crs=EPSG:32619"],
 )  # fmt: skip
-@setting("log", UserPath(), "the log: .csv, .tsv, .gpx, .nc or .parquet; or several of one place",
-         default=(), bare=-1, named=False)  # fmt: skip
+@setting("log", UserPath(), "the log: .csv, .tsv, .txt, .gpx, .nc or .parquet; or several of one "
+         "place", default=(), bare=-1, named=False)  # fmt: skip
 @RESULTS
 @setting("columns", Mapping(), "names of its columns by what they are (lat, lon, x, y, value, "
          "time, date), where they are not recognised")  # fmt: skip

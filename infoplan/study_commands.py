@@ -14,7 +14,7 @@ from rich.console import Console
 
 from infoplan.analyse.configurations import stored_options
 from infoplan.analyse.status import Status, look, look_at_all
-from infoplan.config import Config
+from infoplan.config import Config, is_survey
 from infoplan.draw.console import say, wide_console
 from infoplan.draw.progress import listener
 from infoplan.draw.status_table import print_status
@@ -90,6 +90,7 @@ def replay(
     from infoplan.draw.replay_table import print_replay
     from infoplan.hydra_front.reconfigure import how_to_replay, named_functions, reconfigure
     from infoplan.study.replay import find_flown, replay_study
+    from infoplan.study.surveys import check_judging
     from infoplan.trust import admit
 
     console = wide_console()
@@ -97,6 +98,8 @@ def replay(
     compose(how_to_replay(overrides))  # what is wrong there is told whatever the run
     source = find_flown(results_dir, run)
     config = reconfigure(source.config, overrides)
+    if is_survey(config.terrain.name):
+        check_judging(config)
     admit(config, source.science, named_functions(overrides), trust,
           lambda text: listening.say(text, "note"))  # fmt: skip
     study = replay_study(results_dir, source, config, seeds, listening)

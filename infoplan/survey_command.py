@@ -52,7 +52,7 @@ def survey(
     """
     console = wide_console()
     listening = listener(console)
-    names = names_opened(overrides, SURVEY)
+    names_opened(overrides, SURVEY)  # what is not open is told before the log is read
     log = read_logs(paths, columns, crs, unit)
     for one in log.parts or (log,):
         listening.say(
@@ -64,8 +64,6 @@ def survey(
     for remark in log.remarks if log.parts else ():
         listening.say(remark, "note")
     config = reconfigure(survey_config(log, batch), overrides, SURVEY)
-    if "detector.scope" not in names:
-        config.detector.scope = "historical"
     config.results_dir = str(results_dir)
     study = survey_study(log, config, listening)
     if study.failed:

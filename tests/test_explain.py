@@ -280,6 +280,7 @@ def test_the_last_ten_epochs_tell(capfd):
     assert was_moving([None]) is None
     assert moving_sentence([False, None]) == ""
     assert moving_sentence([True, False]).startswith("1 of 2 missions end")
+    assert moving_sentence([True], explain=False).endswith("learning is not finished")
     before, after = {"amplitude": 1.0, "noise_std": 1.0}, {"amplitude": 1.0, "noise_std": 1.013}
     assert is_rate_limited(before, after, 5, 0.01)  # the variance has moved by 0.026
     assert not is_rate_limited(before, after, 6, 0.01)

@@ -86,6 +86,7 @@ def test_ones_own_experiment_is_found(tmp_path, capfd):
         ("+experiment=smoke", "write experiment=... without the +"),
         ("rho.x=1", "rho has no parts"),
         ("experiment=fig55", "did you mean 'fig5'?"),
+        ("detector=mine.far", "detector=own detector.function=mine.far"),
         ("planner=null", "chosen by a name"),
         ("--resolve", "--resolve changes what --cfg shows"),
         ("--cfg", "--cfg terrain=volcano is not a choice: use job, hydra or all"),

@@ -117,9 +117,9 @@ def moving_ends(curves: pd.DataFrame, results_dir: Path) -> dict[tuple[str, int]
     }
 
 
-def moving(curves: pd.DataFrame, results_dir: Path) -> str:
-    """Say how many missions end while their hyperparameters move; empty if none does."""
-    return moving_sentence(list(moving_ends(curves, results_dir).values()))
+def moving(curves: pd.DataFrame, results_dir: Path, explain: bool) -> str:
+    """Say as `moving_sentence` how many missions end while their hyperparameters move."""
+    return moving_sentence(list(moving_ends(curves, results_dir).values()), explain)
 
 
 def common_axis(curves: pd.DataFrame) -> NDArray[np.int64]:

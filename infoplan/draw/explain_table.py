@@ -73,7 +73,7 @@ def remarks(sources: ErrorSources) -> list[str]:
         )
     ends = {name: [None if math.isnan(end) else bool(end) for end in table[name]]
             for name in ("collapsed", "moving")}  # fmt: skip
-    told += [collapse_sentence(ends["collapsed"]), moving_sentence(ends["moving"])]
+    told += [collapse_sentence(ends["collapsed"]), moving_sentence(ends["moving"], explain=False)]
     if wrong := int((~table["converged"]).sum()):
         told.append(f"the refits of {wrong} of {count} have not converged: their parts are rough")
     if len(table) < 2:

@@ -228,7 +228,9 @@ def _summary(
     lines = [*claims_table.remarks([], selection), *_gaps(panels, findings)]
     told_collapse = collapse_sentence(list(findings.ends.values()))
     lines += [told_collapse] if told_collapse else []
-    told_moving = moving_sentence(list(findings.moving.values()))
+    told_moving = moving_sentence(
+        list(findings.moving.values()), explain=not is_survey(selection.terrain)
+    )
     lines += [told_moving] if told_moving else []
     cautions = [f"<p>{as_html(sentence(line))}</p>" for line in lines]
     return (

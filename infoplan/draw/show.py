@@ -57,7 +57,7 @@ def show(selection: Selection, console: Console) -> None:
             print_logs(selection.results_dir, runs[0], seed, console)
     if said := collapse(curves, selection.results_dir):
         say(console, said, style=TERMINAL["caution"])
-    if said := moving(curves, selection.results_dir):
+    if said := moving(curves, selection.results_dir, explain=not surveyed):
         say(console, said, style=TERMINAL["caution"])
     console.print()
     if not surveyed:

@@ -49,4 +49,5 @@ def _print_table(found: Status, console: Console) -> None:
         rows.append([run.run, *option_cells(run.options, apart).values(),
                      *(spans(getattr(run, name)) for name in kept), ended, mean,
                      duration(run.seconds) if run.done else ""])  # fmt: skip
-    print_table(console, f"runs in {found.results_dir}", columns, rows)
+    title = f"runs in {found.results_dir}, and which of their seeds are done"
+    print_table(console, title, columns, rows)

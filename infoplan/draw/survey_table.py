@@ -88,8 +88,9 @@ def print_check(checked: Mapping[str, Checked], unit: str, console: Console) -> 
         for name, one in checked.items()
     ]  # fmt: skip
     title = (
-        f"Detectors on the log, and on a copy with {counted(planted, 'planted spike')}; change of "
-        f"the cross-validated RMSE in {unit or 'unit unknown'} without its flags [95 % interval]"
+        "Detectors on the log, all samples at once, and on a copy with "
+        f"{counted(planted, 'planted spike')}; change of the cross-validated RMSE in "
+        f"{unit or 'unit unknown'} without its flags [95 % interval]"
     )
     print_table(console, title, columns, rows)
     both = agreement({name: one.flagged for name, one in checked.items()})

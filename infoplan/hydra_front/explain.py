@@ -79,11 +79,12 @@ def _missing_file(error: Any) -> str:
         return f"there is {called}: leave out --config-name and --config-path"
     choices = list(error.options or GROUPS.get(group, {}))
     takes = f"{group}= takes {', '.join(choices)}" if choices else f"there is no group {group}"
-    where = ", or put its file into the folder experiment of --config-dir"
-    return (
-        f"there is no {group} {choice!r}{suggest(choice, choices)}: {takes}"
-        f"{where if group == 'experiment' else ''}"
-    )
+    where = ""
+    if group == "experiment":
+        where = ", or put its file into the folder experiment of --config-dir"
+    elif "own" in choices and "." in choice:
+        where = f"; a function of your own is {group}=own {group}.function={choice}"
+    return f"there is no {group} {choice!r}{suggest(choice, choices)}: {takes}{where}"
 
 
 def _bad_yaml(error: Any) -> str:

@@ -15,10 +15,12 @@ from infoplan.config import (
     SURVEY_OPTIONS,
     Config,
     MissionConfig,
+    is_survey,
     validate,
 )
 from infoplan.errors import UsageError
 from infoplan.hydra_front.compose import compose
+from infoplan.wording import suggest
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,9 @@ def reconfigure(
         The source's.
     overrides
         Hydra's: ``detector=...`` or ``model=...`` (of `Opening.groups`) chooses anew, with that
-        choice's defaults; ``detector.*``, ``model.*`` and ``planner.smoothing`` change an option,
-        those of `Opening.how` say how it is run, and all else stays.
+        choice's defaults, but for a survey's detector, whose scope is historical; ``detector.*``,
+        ``model.*`` and ``planner.smoothing`` change an option, those of `Opening.how` say how it
+        is run, and all else stays.
     opened
         What else may be changed, and of what.
 
@@ -102,6 +105,8 @@ def reconfigure(
         if isinstance(value, dict):
             value = {**getattr(parts[group], option), **value}
         parts[group] = replace(parts[group], **{option: value})
+    if is_survey(config.terrain.name) and "detector" in names and "detector.scope" not in names:
+        parts["detector"] = replace(parts["detector"], scope="historical")
     mission = {item.name: getattr(config, item.name) for item in fields(MissionConfig)} | parts
     mission |= {name: getattr(composed, name) for name in opened.options if name in names}
     how = {name: getattr(composed, name) for name in REPLAY_HOW}
@@ -131,7 +136,8 @@ def _opened(override: str, opened: Opening) -> str:
         name.split(".")[0] not in opened.groups
         and name not in (*REPLAY_OPTIONS, *opened.how, *opened.options)
     ):
-        raise UsageError(f"{override} is not open to a {opened.what}")
+        open_to_it = [*opened.groups, *REPLAY_OPTIONS, *opened.how, *opened.options]
+        raise UsageError(f"{override}{suggest(name, open_to_it)} is not open to a {opened.what}")
     if parsed.is_sweep_override():
         kind = opened.what.partition(",")[0]
         raise UsageError(f"{override} has several values: a {kind} takes one, so {kind} for each")

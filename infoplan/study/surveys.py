@@ -133,6 +133,7 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
         return np.concatenate(found)
     epochs = _parts(log, None if batch == PER_LOG else batch)
     if epochs[-1] == 0:
+        _check_values(log)
         return np.where(np.arange(len(log)) == len(log) - 1, 1, 0)
     first = epochs == 0
     value = log.value[first & ~np.isnan(log.value)]
@@ -143,6 +144,17 @@ def batches(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
             "make it longer, or leave it out"
         )
     return epochs
+
+
+def _check_values(log: SurveyLog) -> None:
+    """Refuse a log whose values, without the last sample's, have no standard deviation."""
+    value = log.value[:-1][~np.isnan(log.value[:-1])]
+    if len(value) and np.ptp(value) == 0:
+        raise UsageError(
+            f"{log.name}: all values of {log.roles['value']} are {value[0]:g}: there is nothing to "
+            "map; give a log whose values differ, or say which column to read with "
+            "columns={value: ...}"
+        )
 
 
 def _parts(log: SurveyLog, batch: str | None) -> NDArray[np.int64]:
@@ -230,6 +242,20 @@ def headings(x: Floats) -> Floats:
     return np.asarray(np.mod(turns, 2 * np.pi) % (2 * np.pi), dtype=np.float64)
 
 
+def check_judging(config: MissionConfig) -> None:
+    """Refuse a detector that cannot judge the samples of a survey, or nearly none of them."""
+    detector = config.detector
+    if detector.name == "best":
+        raise UsageError(
+            "detector=best needs the true labels, which nobody has of a survey: use another"
+        )
+    if detector.scope == "batch" and not detector.judge_pilot and config.terrain.batch is None:
+        raise UsageError(
+            "detector.scope=batch judges each batch but the first alone: survey with batch=, too, "
+            "or leave it out and all are judged"
+        )
+
+
 def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
     """Judge and map a log, and store the tables as those of a mission.
 
@@ -255,16 +281,7 @@ def survey_study(log: SurveyLog, config: Config, listener: Listener) -> Study:
     RunError
         If a table cannot be stored.
     """
-    if config.detector.name == "best":
-        raise UsageError(
-            "detector=best needs the true labels, which nobody has of a survey: use another"
-        )
-    detector = config.detector
-    if detector.scope == "batch" and not detector.judge_pilot and config.terrain.batch is None:
-        raise UsageError(
-            "detector.scope=batch judges each batch but the first alone: give batch=, too, or "
-            "leave it out and all are judged"
-        )
+    check_judging(config)
     _check_size(config)
     check_mission(config)
     place = config.terrain

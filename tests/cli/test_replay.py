@@ -163,6 +163,7 @@ def test_what_is_there_is_kept_and_shown_beside_the_source(flown, capfd):
 BAD = {
     "planner=uct": "not open to a replay",
     "planner.iterations=3": "not open to a replay",
+    "detectr=best": "detectr=best (did you mean 'detector'?) is not open to a replay",
     "rho=0.3": "not open to a replay",
     "~detector": "not open to a replay",
     "detector=copodd": "did you mean 'copod'",

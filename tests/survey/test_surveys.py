@@ -132,7 +132,10 @@ def test_every_command_takes_it_and_says_where_there_is_no_truth(done, capsys):
     folder, run = done
     there = [f"results_dir={folder / 'results'}"]
     assert main(["show", run, *there]) == 0
-    assert "nobody knows the truth of a survey" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "nobody knows the truth of a survey" in told
+    assert "learning is not finished" in told
+    assert "infoplan explain" not in told, "which takes no survey"
     assert main(["status", *there]) == 0
     assert run in capsys.readouterr().out.replace("\n", "")
     assert main(["audit", run, *there]) == 0
@@ -159,6 +162,21 @@ def test_a_replay_of_a_survey_is_the_survey(done):
     for name in ("samples", "maps", "stretches"):
         pd.testing.assert_frame_equal(table(folder, name, run), table(folder, name, replayed))
     assert main(["replay", run, there, "backend=sequential", "detector=local"]) == 0
+
+
+def test_a_replay_judges_all_of_a_survey_with_another_detector_too(done, capsys):
+    folder, run = done
+    there = f"results_dir={folder / 'results'}"
+    surveyed = survey(folder, folder / "bay.csv", *QUICK, "detector=hampel")
+    assert main(["replay", run, there, "backend=sequential", "detector=hampel"]) == 0
+    replayed = next(path.stem for path in (folder / "results/runs").glob("replay-*hampel*"))
+    flags = [table(folder, "samples", name)["flagged"].tolist() for name in (surveyed, replayed)]
+    assert flags[0] == flags[1]
+    assert sum(flags[0])
+    capsys.readouterr()
+    for option, told in (("detector=best", "true labels"), ("detector.scope=batch", "batch=")):
+        assert main(["replay", run, there, option]) == 2
+        assert told in capsys.readouterr().err
 
 
 def test_the_clean_log_has_all_that_was_in_it(tmp_path):
@@ -248,6 +266,15 @@ def test_what_does_not_fit_is_told(options, sentence, tmp_path, capsys):
     log = write_log(tmp_path / "bay.csv")
     assert main(["survey", str(log), f"results_dir={tmp_path / 'results'}", *options]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_a_log_of_one_value_is_refused_before_it_is_judged(tmp_path, capsys):
+    log = tmp_path / "flat.csv"
+    log.write_text("x,y,depth\n" + "".join(f"{k % 7},{k % 5},3\n" for k in range(30)))
+    assert main(["survey", str(log), f"results_dir={tmp_path / 'results'}"]) == 2
+    told = capsys.readouterr().err
+    assert "flat: all values of depth are 3:" in told
+    assert "columns={value: ...}" in told
 
 
 def test_a_judged_pilot_needs_no_further_batch(tmp_path):
