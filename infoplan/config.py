@@ -284,7 +284,7 @@ class BayesOptConfig(GatheringConfig):
     distance_penalty: float = option(
         0.0,
         "taken from the reward for each workspace unit of the way",
-        unit="the reward's",
+        unit="units of the reward",
         at_least=0,
         at_most=1e100,
     )

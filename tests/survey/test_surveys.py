@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,11 @@ def test_a_survey_is_a_run_without_truth(done):
 def test_the_same_survey_is_kept_and_another_log_or_option_is_another_run(done, capsys, tmp_path):
     folder, _ = done
     assert survey(folder, folder / "bay.csv", *QUICK) == ""
-    assert "1 of 1 missions are there already" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "1 of 1 missions are there already" in told
+    (onwards,) = re.findall("infoplan (next .*)", told)
+    assert main([*shlex.split(onwards), "planner.iterations=30"]) == 0
+    capsys.readouterr()
     columns = "columns={value: Depth (ft), time: time, lon: Longitude, lat: Latitude}"
     assert survey(folder, folder / "bay.csv", *QUICK, columns) == ""
     assert "WARNING" not in capsys.readouterr().out, "the columns that are found anyway"
