@@ -348,7 +348,7 @@ def colour_bar(
     place.yaxis.set_major_locator(MaxNLocator(6, integer=whole))
 
 
-def mark(axes: "Axes", places: pd.DataFrame, name: str, size: float = 5.0) -> None:
+def mark(axes: "Axes", places: pd.DataFrame, name: str, size: float = 5.0, label: str = "") -> None:
     """Mark samples over a coloured map, with a rim that parts them from any colour of it.
 
     Parameters
@@ -361,10 +361,12 @@ def mark(axes: "Axes", places: pd.DataFrame, name: str, size: float = 5.0) -> No
         What they are: of `infoplan.palette.MARKS`.
     size
         Points.
+    label
+        For a legend, if it has one.
     """
     look = MARKS[name]
     axes.plot(places["x1"], places["x2"], look.marker, color=look.colour, ms=size, mec=RIM,
-              mew=0.1 * size, zorder=3)  # fmt: skip
+              mew=0.1 * size, zorder=3, label=label or None)  # fmt: skip
 
 
 def panel(axes: "Axes", letter: str, title: str) -> None:
