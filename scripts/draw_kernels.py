@@ -8,16 +8,21 @@ import numpy as np
 from infoplan.config import KERNELS
 from infoplan.draw import style
 from infoplan.model.kernels import as_kernel
-from infoplan.palette import VERMILLION
+from infoplan.palette import BLUE, ORANGE
 
 FILE = Path(__file__).parents[1] / "docs" / "kernels.png"
 LENGTHSCALE, NODES, SEED = 0.3, 400, 4
+GROWTHS = {"growth_1": 3.0}
+"""Of gibbs, which is the Gaussian kernel without; other starts are those of a mission."""
 
 
 def correlations(name: str, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Correlations along the first axis, with the hyperparameters that a mission starts with."""
+    """Correlations along the first axis."""
     kernel = as_kernel(name)
-    starts = [LENGTHSCALE if one.start is None else one.start for one in kernel.hyperparameters]
+    starts = [
+        GROWTHS.get(one.name, LENGTHSCALE if one.start is None else one.start)
+        for one in kernel.hyperparameters
+    ]
     constants = kernel.constants(np.log(starts))
     return np.array([[kernel.correlation(constants, p, 0.0, q, 0.0) for q in b] for p in a])
 
@@ -36,15 +41,18 @@ def draw_kernels(file: Path = FILE) -> Path:
             values, vectors = np.linalg.eigh(correlations(name, x, x))
             root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
             paths = root @ np.random.default_rng(SEED).normal(size=(NODES, 2))
-            for path, colour in zip(paths.T, (style.INK, VERMILLION), strict=True):
-                right.plot(x, path, lw=0.8, color=colour)
+            for path, colour in zip(paths.T, (BLUE, ORANGE), strict=True):
+                right.plot(x, path, lw=1.0, color=colour)
             right.set(xlim=(-1.0, 1.0))
+            if row == 0:
+                style.panel(left, "", "correlation with the middle")
+                style.panel(right, "", "two sample paths")
             if row < len(KERNELS) - 1:
                 left.tick_params(labelbottom=False)
                 right.tick_params(labelbottom=False)
-        left.set_xlabel("distance (scaled units)")
+        left.set_xlabel("distance from the middle (scaled units)")
         right.set_xlabel("position (scaled units)")
-        figure.savefig(file, dpi=110)
+        figure.savefig(file, dpi=140)
     return file
 
 

@@ -20,14 +20,14 @@ def draw_maps(folder: Path = ROOT / "docs") -> Path:
     sys.path.insert(0, str(ROOT / "examples"))
     style.load_matplotlib()
     with style.journal():
-        figure = style.new_figure(style.PAGE, 2.1)
+        figure = style.new_figure(style.SHOWN_SMALL, 1.55)
         for axes, (title, options) in zip(figure.subplots(1, len(MAPS)), MAPS.items(), strict=True):
             terrain = load_terrain(**options)
             style.show_relief(axes, terrain.elevation, terrain.extent)
             style.panel(axes, "", title)
             axes.set(xlabel="", ylabel="")
         path = folder / "maps.png"
-        figure.savefig(path, dpi=110)
+        figure.savefig(path, dpi=160)
     sys.path.pop(0)
     return path
 

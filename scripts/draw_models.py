@@ -8,7 +8,6 @@ import numpy as np
 import infoplan
 from infoplan.draw import style
 from infoplan.model import MODELS
-from infoplan.palette import OUTLIER
 from infoplan.terrain import load_terrain
 
 FOLDER = Path(__file__).parents[1] / "docs"
@@ -32,29 +31,29 @@ def draw_models(folder: Path = FOLDER, budget: int = 520, models: tuple = tuple(
     columns = 4
     rows = -(-(len(models) + 1) // columns)
     with style.journal():
-        figure = style.new_figure(style.PAGE, 2.05 * rows)
+        figure = style.new_figure(style.SHOWN_SMALL, 1.62 * rows)
         panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat
         _show(panels[0], truth, truth, terrain, "truth")
         samples = next(iter(flown.values())).samples
-        for outlier, colour in ((False, style.INK), (True, OUTLIER)):
-            chosen = samples[samples["is_outlier"] == outlier]
-            panels[0].plot(chosen["x1"], chosen["x2"], ".", color=colour, ms=1.5)
+        panels[0].plot(samples["x1"], samples["x2"], color="white", lw=0.7)
+        style.mark(panels[0], samples[samples["is_outlier"]], "missed", size=3.0)
         for axes, (name, frames) in zip(panels[1:], flown.items(), strict=False):
             rmse = np.array(frames.curves["rmse"])[-1]
             mean = frames.maps["mean"].to_numpy()
-            _show(axes, mean, truth, terrain, f"{name}, RMSE {rmse:.0f} {terrain.unit}")
+            _show(axes, mean, truth, terrain, f"{name}\nRMSE {rmse:.0f} {terrain.unit}")
         for axes in panels[len(models) + 1 :]:
             axes.set_visible(False)
         path = folder / "models.png"
-        figure.savefig(path, dpi=110)
+        figure.savefig(path, dpi=160)
     return path
 
 
 def _show(axes, values, truth, terrain, title: str) -> None:
-    axes.imshow(
-        values.reshape(GRID, GRID), origin="lower", extent=terrain.extent, cmap=style.ELEVATION,
+    style.show_map(
+        axes, values.reshape(GRID, GRID), terrain.extent, cmap=style.ELEVATION,
         vmin=truth.min(), vmax=truth.max(),
     )  # fmt: skip
+    axes.set(xlabel="", ylabel="")
     style.panel(axes, "", title)
 
 

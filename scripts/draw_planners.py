@@ -7,6 +7,7 @@ import numpy as np
 
 import infoplan
 from infoplan.draw import style
+from infoplan.palette import RIM
 from infoplan.plan import PLANNERS
 from infoplan.terrain import load_terrain
 
@@ -41,7 +42,8 @@ def _draw(axes, name: str, terrain, budget: int) -> None:
     driven = frames.samples[frames.samples["epoch"] > 0]
     style.show_relief(axes, terrain.elevation, terrain.extent)
     style.show_obstacles(axes, OBSTACLES)
-    axes.plot(driven["x1"], driven["x2"], color="white", lw=0.9)
+    axes.plot(driven["x1"], driven["x2"], color=RIM, lw=2.0)  # parts white from yellow
+    axes.plot(driven["x1"], driven["x2"], color="white", lw=1.0)
     axes.plot(*driven[["x1", "x2"]].iloc[0], "o", color="white", mec=style.INK, ms=4)
     rmse = np.array(frames.curves["rmse"])[-1]
     style.panel(axes, "", f"{name}, RMSE {rmse:.0f} {terrain.unit}")

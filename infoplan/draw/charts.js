@@ -129,6 +129,10 @@ class Chart {
       svg("text", { class: "label", x: box.right, y: height - 4, "text-anchor": "end" }, this.group.across.label),
       svg("text", { class: "label", x: box.left + 4, y: box.top + 2 }, unit),
     );
+    // Bands end at the axes, not at the picture's border, where words stand.
+    this.clip = `axes-${groups.indexOf(this.group)}-${this.group.charts.indexOf(this)}`;
+    const inside = { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top };
+    drawing.append(svg("clipPath", { id: this.clip }, svg("rect", inside)));
     const lines = this.visible();
     for (const line of lines) drawing.append(this.band(line));
     if (singleSeeds) {
@@ -167,7 +171,8 @@ class Chart {
     };
     line.low.forEach((low, i) => (low === null ? close() : run.push(i)));
     close();
-    return svg("path", { class: "band", "data-method": line.method, d, colour: methods.get(line.method).colour });
+    const colour = methods.get(line.method).colour;
+    return svg("path", { class: "band", "data-method": line.method, d, colour, "clip-path": `url(#${this.clip})` });
   }
 
   // Show the values at the group's cursor: marks on every chart, words on the active one.

@@ -7,7 +7,6 @@ import pandas as pd
 from infoplan.analyse.curves import drawable
 from infoplan.analyse.relief import grid_of, on_grid
 from infoplan.draw import style
-from infoplan.palette import OUTLIER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +31,7 @@ def mission_figure(curves: pd.DataFrame, samples: pd.DataFrame, maps: pd.DataFra
     ):
         image = style.show_map(axes, on_grid(maps, column), extent, cmap=cmap)
         axes.plot(samples["x1"], samples["x2"], color="white", lw=0.5, alpha=0.7)
-        axes.plot(flagged["x1"], flagged["x2"], "x", color=OUTLIER, ms=4, mew=1.1)
+        style.mark(axes, flagged, "flagged", 4.0)
         style.colour_bar(image, axes, "terrain's unit")
         style.panel(axes, letter, title)
     _draw_error(error, curves)

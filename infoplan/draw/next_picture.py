@@ -9,7 +9,7 @@ import pandas as pd
 from infoplan.draw import style
 from infoplan.draw.place_layout import beyond, end_of_deviation, picture_height, with_unit
 from infoplan.lookahead import Track
-from infoplan.palette import PURPLE, VERMILLION
+from infoplan.palette import PURPLE, REVISITED, RIM, VERMILLION
 from infoplan.survey.area import Area
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 WIDTH, PANEL, AROUND = 7.0, 2.55, 1.15
 """Of the picture, of a panel, and what titles and the legend take, inches."""
 
-AHEAD, FLAG, ZONE = VERMILLION, "white", PURPLE
-"""Colours of the track ahead, of what is flagged, and of zones."""
+AHEAD, ZONE = VERMILLION, PURPLE
+"""Colours of the track ahead and of zones."""
 
 
 def draw_track(
@@ -70,17 +70,11 @@ def draw_track(
             )
             style.frame_workspace(axes, extent)
             _draw_area(axes, area)
-            met = track.revisited
             axes.plot(*surveyed.T, color="white", lw=0.8, alpha=0.7, label="surveyed")
-            for flags, colour, label in (
-                (track.flagged[~met], FLAG, "flagged"),
-                (track.flagged[met], AHEAD, "flagged, met"),
-            ):
-                if len(flags):
-                    axes.plot(*flags.T, "x", color=colour, ms=4, mew=1.0, label=label)
             axes.plot(*track.poses[:, :2].T, color=AHEAD, lw=1.2, label="track ahead")
             axes.plot(*track.poses[0, :2], "o", color=AHEAD, ms=4, label="start")
             axes.plot(*track.poses[-1, :2], "s", color=AHEAD, ms=4, label="end")
+            _mark_flags(axes, track)
             axes.set(xlabel="m", ylabel="m" if letter == "a" else "")
             style.panel(axes, letter, what)
         style.colour_bar(image, panels[1], with_unit("standard deviation", unit),
@@ -92,6 +86,18 @@ def draw_track(
         numbers = pd.DataFrame(track.poses, columns=["x1", "x2", "heading"])
         numbers["deviation"] = track.deviation
         return style.save(drawing, folder, "picture", numbers, in_print=False)
+
+
+def _mark_flags(axes: "Axes", track: Track) -> None:
+    """Mark what is flagged; what the track meets again has a frame, as on the survey's page."""
+    if len(track.flagged):
+        flags = pd.DataFrame(track.flagged, columns=["x1", "x2"])
+        style.mark(axes, flags, "flagged", label="flagged")
+    met = track.flagged[track.revisited]
+    if len(met):
+        axes.plot(*met.T, "s", mfc="none", mec=RIM, ms=8, mew=2.4, zorder=3)
+        axes.plot(*met.T, "s", mfc="none", mec=REVISITED, ms=8, mew=1.2, zorder=3,
+                  label="flagged, met")  # fmt: skip
 
 
 def _draw_area(axes: "Axes", area: Area) -> None:

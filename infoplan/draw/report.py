@@ -436,6 +436,12 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
     if not claims:
         return told
     scales = _scales(claims)
+    pictures = (
+        " In the small pictures the shaded side is the one stated, each stroke a seed; all that "
+        f"have one unit have one scale: {_scale_words(scales)}."
+        if scales
+        else ""
+    )
     headings = ("claim, and what was compared", "effect [95 %]", "", "p", "stated", "seeds",
                 "verdict")  # fmt: skip
     head = "".join(f'<th role="columnheader" scope="col">{as_html(text)}</th>' for text in headings)
@@ -452,9 +458,7 @@ def _claims(claims: Sequence[Claim], reason: str) -> str:
         "<p>A claim is supported if every comparison it names has its 95 % interval on the side "
         "stated, contradicted if one lies on the other side by an interval that is widened for the "
         "number of comparisons, else undecided; under six seeds it is undecided. Differences are "
-        "paired by seed; p is exact, by sign flips. In the small pictures the shaded side is the "
-        "one stated, each stroke a seed; all that have one unit have one scale: "
-        f"{as_html(_scale_words(scales))}.</p>"
+        f"paired by seed; p is exact, by sign flips.{as_html(pictures)}</p>"
         f"<p>{as_html(sentence(claims_table.holm_words(claims)))}</p>{told}"
         f'<table class="claims" role="table"><thead role="rowgroup"><tr role="row">{head}</tr>'
         f"</thead>{''.join(_claim(claim, scales) for claim in claims)}</table>"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from infoplan.backend import load_matplotlib
 from infoplan.files import writing
 from infoplan.method_identity import Look
+from infoplan.palette import MARKS, RIM
 from infoplan.wording import csv_cell, harmless
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ COLUMN = 3.5
 
 PAGE = 7.16
 """Width of two columns, inches."""
+
+SHOWN_SMALL = 5.6
+"""Width of a picture that README.md shows at 560 pixels, inches: its letters stay as large."""
 
 SCREEN = 150
 """Dots an inch of a picture in a notebook."""
@@ -342,6 +346,27 @@ def colour_bar(
     bar = axes.figure.colorbar(image, cax=place, label=label, extend=extend)
     bar.outline.set_linewidth(0.6)
     place.yaxis.set_major_locator(MaxNLocator(6, integer=whole))
+
+
+def mark(axes: "Axes", places: pd.DataFrame, name: str, size: float = 5.0, label: str = "") -> None:
+    """Mark samples over a coloured map, with a rim that parts them from any colour of it.
+
+    Parameters
+    ----------
+    axes
+        Of the map.
+    places
+        Samples, with columns ``x1`` and ``x2``.
+    name
+        What they are: of `infoplan.palette.MARKS`.
+    size
+        Points.
+    label
+        For a legend, if it has one.
+    """
+    look = MARKS[name]
+    axes.plot(places["x1"], places["x2"], look.marker, color=look.colour, ms=size, mec=RIM,
+              mew=0.1 * size, zorder=3, label=label or None)  # fmt: skip
 
 
 def panel(axes: "Axes", letter: str, title: str) -> None:

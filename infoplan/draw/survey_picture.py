@@ -17,13 +17,13 @@ from infoplan.draw.place_layout import (
     picture_height,
     with_unit,
 )
-from infoplan.palette import ORANGE, OUTLIER, PURPLE, SKY
+from infoplan.palette import ORANGE, PURPLE, SKY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, PANEL, AROUND, LEGEND = 9.0, 2.3, 0.75, 0.3
+WIDTH, PANEL, AROUND, LEGEND = style.PAGE, 1.65, 0.65, 0.3
 """Of the picture, of a panel, and what titles and a row of the legend take, inches."""
 
 LOG = "log"
@@ -108,7 +108,7 @@ def survey_figure(
     style.frame_workspace(track, extent)
     style.colour_bar(values, track, with_unit("value", unit))
     style.panel(track, "a", f"{style.inert(place)}: {flagged.sum()} flagged")
-    _mark(track, samples[flagged], OUTLIER)
+    _mark(track, samples[flagged])
     for axes, letter, what, grid, cmap, ends in (
         (others[0], "b", "mean", mean, style.ELEVATION, (low, high)),
         (others[1], "c", "standard deviation", std, style.DEVIATION,
@@ -117,7 +117,7 @@ def survey_figure(
         image = style.show_map(axes, grid, extent, cmap=cmap, vmin=ends[0], vmax=ends[1])
         for part in _tracks(samples).values():
             axes.plot(part["x1"], part["x2"], color="white", lw=0.5, alpha=0.6)
-        _mark(axes, samples[flagged], "white")
+        _mark(axes, samples[flagged])
         style.colour_bar(image, axes, with_unit(what, unit), extend=beyond(grid, *ends))
         style.panel(axes, letter, what)
     for axes in (track, *others):
@@ -147,8 +147,7 @@ def _draw_tracks(axes: "Axes", samples: pd.DataFrame) -> None:
                   label=style.inert(name))  # fmt: skip
 
 
-def _mark(axes: "Axes", flagged: pd.DataFrame, colour: str) -> None:
+def _mark(axes: "Axes", flagged: pd.DataFrame) -> None:
     """Mark flagged samples; many get smaller marks, that the map is still seen."""
     share = min(1.0, max(0.3, (MANY / max(len(flagged), 1)) ** 0.5))
-    axes.plot(flagged["x1"], flagged["x2"], "x", color=colour, ms=5 * share, mew=1.2 * share,
-              zorder=3)  # fmt: skip
+    style.mark(axes, flagged, "flagged", 5 * share)

@@ -76,6 +76,8 @@ def test_dark_colours_are_lightened_in_the_dark(browser):
 def test_a_narrow_screen_needs_no_scrolling_sideways(browser, width):
     browser.open(width, 740)
     assert browser.js("return document.documentElement.scrollWidth") <= width
+    for method in browser.all(".board tbody th"):
+        assert method.rect["height"] < 60  # its name stands beside its piece of line
 
 
 def test_paper_is_white(browser):

@@ -218,6 +218,16 @@ def test_a_narrow_screen_needs_no_scrolling_sideways(browser, width):
     assert overlapping == 0
 
 
+def test_the_claims_over_all_universes_fit_a_wide_screen(browser):
+    browser.open(1280)
+    inner, outer = browser.js(
+        "const one = document.querySelector('#summary .scroll');"
+        "return [one.scrollWidth, one.clientWidth]"
+    )
+    assert inner <= outer
+    assert browser.one("#summary tbody th").rect["width"] >= 180
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_both_themes_can_be_read(browser, dark):
     browser.open(dark=dark)

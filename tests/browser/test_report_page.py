@@ -110,6 +110,19 @@ def test_every_method_has_its_line_and_its_button(browser, tmp_path):
     assert "gaps" in browser.one("#summary .note").text
 
 
+def test_bands_end_at_the_axes(browser):
+    browser.open(height=4000)
+    below = browser.js(
+        "return [...document.querySelectorAll('.panels .plot')].flatMap((plot) => {"
+        "const axis = plot.querySelector('.axis').getBoundingClientRect();"
+        "const steps = [...Array(60).keys()].map((k) => axis.left + axis.width * (k + 0.5) / 60);"
+        "return steps.map((x) => document.elementFromPoint(x, axis.top + 3));"
+        "}).filter((one) => one?.classList.contains('band')).length"
+    )
+    assert below == 0
+    assert len(browser.all(".panels .band")) > 0
+
+
 def test_the_legend_hides_and_shows_a_method_everywhere(browser):
     browser.open()
     button = browser.one("[data-legend=curves] [data-method=PUCT-COPOD]")

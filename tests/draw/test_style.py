@@ -6,11 +6,20 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+import infoplan
 from infoplan.analyse import METHODS
 from infoplan.draw import style
+from infoplan.draw.mission_picture import mission_figure
 from infoplan.method_identity import PAPERS
+from infoplan.palette import MARKS, RIM
 
 EXTENT = (0.0, 40.0, 0.0, 30.0)
+
+
+@pytest.fixture(scope="module")
+def frames():
+    small = ["grid=[12,12]", "planner.iterations=30", "model.pilot_iterations=20"]
+    return infoplan.fly(infoplan.configure("terrain=volcano", *small, rho=0.1, budget=160), seed=3)
 
 
 def cone() -> np.ndarray:
@@ -43,6 +52,20 @@ def test_nodes_of_a_map_lie_on_the_borders():
         image = style.show_map(axes, np.zeros((31, 41)), EXTENT, cmap="viridis")
     assert image.get_extent() == pytest.approx((-0.5, 40.5, -0.5, 30.5))
     assert (axes.get_xlim(), axes.get_ylim()) == ((0.0, 40.0), (0.0, 30.0))
+
+
+def test_marks_stand_out_from_every_colour_of_a_map(frames):
+    marked = [
+        line
+        for axes in mission_figure(frames.curves, frames.samples, frames.maps).axes
+        for line in axes.lines
+        if line.get_marker() == MARKS["flagged"].marker
+    ]
+    assert len(marked) == 2
+    for line in marked:
+        assert line.get_color() == MARKS["flagged"].colour
+        assert line.get_markeredgecolor() == RIM
+        assert len(line.get_xdata()) == frames.samples["flagged"].sum() > 0
 
 
 def test_the_paper_methods_differ_in_colour_and_in_dashes():
