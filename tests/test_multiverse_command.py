@@ -160,7 +160,7 @@ def test_a_universe_tells_the_commands_that_fly_it(flown, capsys):
     assert main(["multiverse", f"universe={FLOOR}", f"table={table}", "--latex"]) == 0
     out = capsys.readouterr().out
     assert out.startswith(f"% universe {FLOOR}: ")
-    assert out.count("\\toprule") == 1
+    assert out.count("\\bottomrule") == 1
     assert len(re.findall(r"^\\textbf\{C\d+\} & ", out, re.MULTILINE)) == len(COMPARISONS)
 
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
+from PIL import Image, ImageColor
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from survey_logs import QUICK, SPIKES, write_log
 
 from infoplan.analyse.detector_check import check_detectors
 from infoplan.cli import main
+from infoplan.palette import MARKS
 from infoplan.study.surveys import headings, survey_config, survey_samples
 from infoplan.survey import read_logs
 
@@ -250,7 +251,8 @@ def test_the_picture_shows_track_and_flags(done):
         colours = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
     assert width > height
     # Crosses of the flagged samples, in a colour that no map has.
-    crosses = (np.abs(colours - np.array([213, 94, 0])).max(axis=1) < 4).sum()
+    flagged = np.array(ImageColor.getrgb(MARKS["flagged"].colour))
+    crosses = (np.abs(colours - flagged).max(axis=1) < 4).sum()
     assert 50 < crosses < 0.01 * len(colours)
 
 
