@@ -107,6 +107,26 @@ def test_the_file_is_of_missions_that_are_told_once():
     assert set(scores.loc[scores["reference"], "method"]) == {"UCT-BEST"}
 
 
+def test_the_file_has_every_mission_of_the_experiment():
+    text = (ROOT / "conf" / "experiment" / "outliers.yaml").read_text(encoding="utf-8")
+    document = yaml.safe_load(text)
+    planned = set()
+    for line in document["sweep"]:
+        words = {name: text.split(",") for name, text in (w.split("=") for w in line.split())}
+        for detector, model in product(words["detector"], words.get("model", ["gp"])):
+            parts = [words["planner"][0], detector, *([] if model == "gp" else [model])]
+            planned |= {
+                ("-".join(parts).upper(), fault if float(rho) else "none", float(rho), terrain, seed)
+                for fault, rho, terrain, seed in product(
+                    words["fault"], words["rho"], words["terrain"], range(document["seeds"])
+                )
+            }
+    scores = pd.read_csv(ROOT / "docs" / "outliers.csv")
+    flown = scores.assign(fault=scores["fault"].where(scores["rho"] > 0, "none"))
+    keys = ["method", "fault", "rho", "terrain", "seed"]
+    assert set(flown[keys].itertuples(index=False, name=None)) == planned
+
+
 def test_the_experiment_has_every_fault_that_needs_no_arguments():
     text = (ROOT / "conf" / "experiment" / "outliers.yaml").read_text(encoding="utf-8")
     lines = yaml.safe_load(text)["sweep"]
