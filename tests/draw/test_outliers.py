@@ -115,8 +115,9 @@ def test_the_file_has_every_mission_of_the_experiment():
         words = {name: text.split(",") for name, text in (w.split("=") for w in line.split())}
         for detector, model in product(words["detector"], words.get("model", ["gp"])):
             parts = [words["planner"][0], detector, *([] if model == "gp" else [model])]
+            method = "-".join(parts).upper()
             planned |= {
-                ("-".join(parts).upper(), fault if float(rho) else "none", float(rho), terrain, seed)
+                (method, fault if float(rho) else "none", float(rho), terrain, seed)
                 for fault, rho, terrain, seed in product(
                     words["fault"], words["rho"], words["terrain"], range(document["seeds"])
                 )
