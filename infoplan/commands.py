@@ -34,15 +34,28 @@ EXIT_OK, EXIT_FAILED = 0, 1
 
 
 class RunName(click.ParamType):
-    """A stored run: its name, its hash, or the beginning of either."""
+    """A stored run: its name, its hash, or the beginning of either.
+
+    Parameters
+    ----------
+    several
+        Whether a list of runs will do.
+    """
 
     name, words = "run", "a run's name, its hash, or the beginning of either"
+
+    def __init__(self, several: bool = False) -> None:
+        self.several = several
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         """Take it as typed, several in brackets; nothing at all chooses nothing."""
         if not isinstance(value, str):
             return value
         if value.startswith("[") and value.endswith("]"):
+            if not self.several:
+                raise UsageError(
+                    f"{param.word}={value} is a list, where one run is taken: {self.words}"
+                )
             return [entry.strip() for entry in value[1:-1].split(",")]
         return value or None
 
@@ -179,7 +192,8 @@ def command_on_runs(name: str, **attributes: Any) -> Callable[[Function], click.
     """Declare a command about stored runs, which any option of a run chooses."""
 
     def declare(function: Function) -> click.Command:
-        chosen = setting("run", RunName(), "one run, or a list of them, alone")(function)
+        one_or_more = RunName(several=True)
+        chosen = setting("run", one_or_more, "one run, or a list of them, alone")(function)
         command = infoplan.command(name, cls=Command, more=options_of("FILTERS"), **attributes)
         return command(RESULTS(chosen))
 
@@ -629,7 +643,7 @@ def explain(
     examples=["infoplan leaderboard terrain=[volcano,jacksboro] --markdown"],
 )  # fmt: skip
 @RESULTS
-@setting("run", RunName(), "a list of runs, alone")
+@setting("run", RunName(several=True), "a list of runs, alone")
 @click.option("--markdown", "as_markdown", is_flag=True, help="write it for documents")
 @click.option("--html", "as_html", is_flag=True, help="write a page, leaderboard.html")
 @latex_flag

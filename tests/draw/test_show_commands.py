@@ -115,3 +115,10 @@ def test_terrain_show(tmp_path):
     done = infoplan("terrain", "show", "terrain=jacksboro", f"results_dir={tmp_path}")
     assert "elevation  236 to 1076 m" in done.stdout
     assert (tmp_path / "figures" / "terrain-jacksboro.png").is_file()
+
+
+@pytest.mark.parametrize("command", ["show", "audit", "animate", "explain", "status"])
+def test_commands_about_one_run_take_no_list(command, capsys):
+    assert main([command, "run=[a,b]"]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "run=[a,b] is a list, where one run is taken: a run's name, its hash" in told
