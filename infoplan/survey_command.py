@@ -6,7 +6,6 @@ from pathlib import Path
 from infoplan.analyse.detector_check import check_detectors
 from infoplan.analyse.later_logs import read_origins
 from infoplan.analyse.relief import on_grid
-from infoplan.config import Config
 from infoplan.draw.console import say, wide_console
 from infoplan.draw.progress import listener
 from infoplan.draw.survey_page import write_survey_page
@@ -19,7 +18,7 @@ from infoplan.study.surveys import SEED, survey_config, survey_samples, survey_s
 from infoplan.survey import SurveyLog, read_logs
 from infoplan.survey.clean import write_clean
 from infoplan.survey.geotiff import write_geotiff
-from infoplan.text_options import as_override
+from infoplan.text_options import as_command
 
 
 def survey(
@@ -75,15 +74,9 @@ def survey(
     if check is not None:
         checked = check_detectors(survey_samples(log, config), config, check)
         print_check(checked, log.unit, console)
-    say(console, f"plan the next track of 200 m: {_next_command(study)}")
+    onwards = f"infoplan next {study.runs[0][0].name} budget=200"
+    say(console, f"plan the next track of 200 m: {as_command(onwards, study.results_dir)}")
     return 0
-
-
-def _next_command(study: Study) -> str:
-    """Give a command that goes on from a survey."""
-    folder = str(study.results_dir)
-    where = [] if folder == Config().results_dir else [as_override("results_dir", folder)]
-    return " ".join(["infoplan next", study.runs[0][0].name, "budget=200", *where])
 
 
 def _written(study: Study, log: SurveyLog, folder: Path) -> list[str]:

@@ -76,7 +76,7 @@ class LatexConsole(PlainConsole):
             Cells, one a column; None stands for a space between two groups of rows.
         """
         if title and len(rows) > PAGE:
-            text = longtable(escaped(title), titles, right, rows)
+            text = longtable(title, titles, right, rows)
         elif title:
             text = (
                 f"\\begin{{table}}\n\\centering\n\\caption{{{escaped(title)}}}\n"
@@ -98,18 +98,18 @@ def tabular(
 
 
 def longtable(
-    caption: str,
+    title: str,
     titles: Sequence[str],
     right: Sequence[bool],
     rows: Sequence[Sequence[Text] | None],
 ) -> str:
     """Write a `longtable` environment, which breaks between pages and repeats its heading.
 
-    `caption` is LaTeX; the other parameters are as of `LatexConsole.write_table`.
+    Parameters are as of `LatexConsole.write_table`.
     """
     return "\n".join([
         f"\\begin{{longtable}}{{{_columns(right, rows)}}}",
-        f"\\caption{{{caption}}} \\\\", *_heading(titles), "\\endfirsthead",
+        f"\\caption{{{escaped(title)}}} \\\\", *_heading(titles), "\\endfirsthead",
         *_heading(titles), "\\endhead", *_body(rows), "\\end{longtable}",
     ])  # fmt: skip
 
