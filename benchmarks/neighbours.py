@@ -6,6 +6,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
 
 from benchmarks.measure import best, resident_mib, restart_peak_mib
 from infoplan.model import GaussianProcess, VecchiaProcess
@@ -95,6 +96,7 @@ def rivals(n: int, iterations: int) -> dict[str, dict[str, float]]:
     candidates: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
         "gp": lambda: ours(GaussianProcess),
         "vecchia": lambda: ours(VecchiaProcess),
+        "scikit-learn, exact": lambda: _scikit_learn(x, y, query, iterations),
     }
     if find_spec("gpboost"):
         candidates["gpboost, vecchia, 30 neighbours"] = lambda: _gpboost(x, y, query)
@@ -113,6 +115,24 @@ def rivals(n: int, iterations: int) -> dict[str, dict[str, float]]:
             "seconds": seconds, "rmse": _rmse(mean, query), "nlpd": float(np.mean(density))
         }  # fmt: skip
     return found
+
+
+def _scikit_learn(
+    x: np.ndarray, y: np.ndarray, query: np.ndarray, iterations: int
+) -> tuple[np.ndarray, np.ndarray]:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    def optimizer(value: Any, start: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, float]:
+        found = minimize(value, start, jac=True, bounds=bounds, options={"maxiter": iterations})
+        return found.x, found.fun
+
+    model = GaussianProcessRegressor(
+        ConstantKernel() * RBF([0.1, 0.1]) + WhiteKernel(), optimizer=optimizer, normalize_y=True
+    ).fit(x, y)
+    mean, std = model.predict(query, return_std=True)
+    noise = y.var() * model.kernel_.k2.noise_level  # its deviation is that of a noisy sample
+    return mean, np.sqrt(np.maximum(std**2 - noise, 1e-12))
 
 
 def _gpboost(x: np.ndarray, y: np.ndarray, query: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -96,6 +96,7 @@ def test_kernels_go_to_a_temporary_folder_of_ones_own_and_one_line_says_so(conta
     assert list((container / "tmp").iterdir()) == [folder]
 
 
+@pytest.mark.long
 def test_without_any_cache_it_still_runs(container):
     # A file in the place of every folder.
     (container / "file").touch()

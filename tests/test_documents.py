@@ -38,9 +38,10 @@ LINES = [
     if line and not line.startswith("#")
 ]
 SPREAD = "backend=dask|hydra/launcher="
-SLOW = f"{SPREAD}|mtsthelens_after|=mp4|^infoplan demo"
-"""What needs a download, ffmpeg or a minute is left to the tests of these."""
+SLOW = f"{SPREAD}|mtsthelens_after|=mp4|callbacks=|^infoplan demo"
+"""What needs a download, ffmpeg, a server or a minute is left to the tests of these."""
 COMMANDS = [line for line in LINES if line.startswith("infoplan ") and not re.search(SLOW, line)]
+SWEEPS = [line for line in COMMANDS if " -m " in line and not re.search("dry-run|sweeper=", line)]
 CLUSTERS = [line for line in LINES if re.search(SPREAD, line)]
 HERE = [line for line in CLUSTERS if not re.search("scheduler=|slurm", line)]
 SMALL = {
@@ -92,7 +93,20 @@ def test_python(text, study, monkeypatch):
     exec(compile(text, PYTHON[text], "exec"), names)
 
 
-@pytest.mark.parametrize("command", dict.fromkeys(COMMANDS))
+@pytest.mark.parametrize("command", dict.fromkeys(SWEEPS))
+def test_a_sweep_is_understood(command, study, monkeypatch, capfd):
+    monkeypatch.chdir(study)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert main([*small(command), "--dry-run"]) == 0, capfd.readouterr()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(line, marks=pytest.mark.long) if line in SWEEPS else line
+        for line in dict.fromkeys(COMMANDS)
+    ],
+)
 def test_command(command, study, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(study)
     monkeypatch.setattr(sys, "path", list(sys.path))

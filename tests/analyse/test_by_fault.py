@@ -237,6 +237,7 @@ def scores(values: dict[str, np.ndarray]) -> pd.DataFrame:
     return pd.concat(frames)
 
 
+@pytest.mark.long
 def test_intervals_and_the_set_of_the_best_hold_what_they_promise():
     # Each fault is a study of its own: 240 of two unlike maps and five seeds.
     rng = np.random.default_rng(5)

@@ -45,27 +45,31 @@ def name_of(planner: str, detector: str) -> str:
     return f"{planner}-{detector}".upper()
 
 
-@pytest.fixture(scope="module")
-def everything(tmp_path_factory) -> Path:
-    """All pairs, those of two planners in both scopes, and what is not built in."""
+QUICK = [pair for pair in made_methods.PAIRS if pair[0] in ("uct", "puct") or pair[1] == "none"]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(QUICK, id="many"),
+        pytest.param(made_methods.PAIRS, id="all", marks=pytest.mark.long),
+    ],
+)
+def everything(request, tmp_path_factory) -> tuple[Path, set[str]]:
+    """Pairs, those of two planners in both scopes, what is not built in; and their labels."""
     folder = tmp_path_factory.mktemp("methods")
-    for planner, detector in made_methods.PAIRS:
+    for planner, detector in request.param:
         made_methods.store(folder, planner, detector)
         if planner in ("uct", "random") and detector not in ("none", "best"):
             made_methods.store(folder, planner, detector, scope="historical")
     for label, chosen in OTHER.items():
         if not label.startswith("REPLAY"):
             made_methods.store(folder, **chosen)
-    return folder
+    others = {label for label in OTHER if not label.startswith("REPLAY")}
+    return folder, {name_of(*pair) for pair in request.param} | others
 
 
 CORNERS = {("uct", "none"), ("puct", "pyod_ecod"), ("random", "local")}
-
-
-def expected() -> set[str]:
-    return {name_of(*pair) for pair in made_methods.PAIRS} | {
-        label for label in OTHER if not label.startswith("REPLAY")
-    }
 
 
 def pairs(quick: Callable[[str, str], bool]) -> list[Any]:
@@ -98,25 +102,27 @@ def test_what_is_not_built_in_has_a_report_and_curves(label, chosen, tmp_path):
 
 
 def test_a_report_of_everything_leaves_nothing_out(everything):
-    page = render(find_missions(everything))
+    folder, expected = everything
+    page = render(find_missions(folder))
     data = embedded(page)
     batch, historical = data["panels"]
-    assert {line["method"] for line in batch["lines"]} == expected()
-    scopes = find_missions(everything).missions.groupby("method")["scope"].agg(set)
-    alike = {m for m in expected() if m.endswith(("-NONE", "-BEST", "-NONE-STUDENT_T"))}
+    assert {line["method"] for line in batch["lines"]} == expected
+    scopes = find_missions(folder).missions.groupby("method")["scope"].agg(set)
+    alike = {m for m in expected if m.endswith(("-NONE", "-BEST", "-NONE-STUDENT_T"))}
     both = {method for method, of in scopes.items() if of != {"batch"}}
     assert {line["method"] for line in historical["lines"]} == both | alike
-    assert len({one["colour"] for one in data["methods"]}) >= len(OTHERS)
-    assert len({one["dash"] for one in data["methods"]}) == len(expected())
+    assert len({one["colour"] for one in data["methods"]}) >= min(len(OTHERS), len(expected))
+    assert len({one["dash"] for one in data["methods"]}) == len(expected)
 
 
 def test_fig5_draws_everything_and_the_others_name_what_they_lack(everything, tmp_path):
-    study = find_study(everything)
+    folder, expected = everything
+    study = find_study(folder)
     assert study.notes == ()
     drawn = {one.name: one for one in draw_figures(study)}
     assert set(drawn) == set(OF_STUDY)
     shown = pd.read_csv(drawn["fig5"].files[2])
-    assert set(shown[shown["panel"] == "b"]["method"]) == expected()
+    assert set(shown[shown["panel"] == "b"]["method"]) == expected
     assert drawn["fig7"].files, "the paper's four are among them"
     made_methods.store(tmp_path, "greedy", "local")
     for one in draw_figures(find_study(tmp_path), ["fig1", "fig3", "fig4", "fig6", "fig7"]):

@@ -79,7 +79,9 @@ def too_long(text: str, width: int) -> list[str]:
     return [line for line in lines if cell_len(line) > width and " " in line.strip()]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=pytest.mark.long) if c == "dry-run" else c for c in COMMANDS]
+)
 def test_at_every_width_lines_fit_and_numbers_stay_whole(folder, command, capfd, monkeypatch):
     def said() -> str:
         capfd.readouterr()

@@ -75,9 +75,8 @@ print(matplotlib.rcParams["backend"])
 """
 
 
-@pytest.mark.parametrize(
-    ("backend", "kept"), [("nonsense", "agg"), pytest.param("svg", "svg", marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("backend", "kept"), [("nonsense", "agg"), ("svg", "svg")])
 def test_a_users_backend_stays_theirs(backend, kept, tmp_path):
     made_methods.store(tmp_path / "made", "puct", "copod")
     assert ended(backend, ["-c", LIBRARY], tmp_path).strip().lower() == kept

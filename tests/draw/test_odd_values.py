@@ -58,7 +58,9 @@ def test_errors_beyond_all_measure_are_gaps_and_are_told(bad, tmp_path):
     assert shown[shown["method"] == "PUCT-COPOD"]["mean"].max() <= 500.0
 
 
-@pytest.mark.parametrize("bad", [np.inf, np.nan, 1e200])
+@pytest.mark.parametrize(
+    "bad", [np.inf, *[pytest.param(bad, marks=pytest.mark.long) for bad in (np.nan, 1e200)]]
+)
 def test_maps_with_infinite_nodes_are_drawn(bad, tmp_path):
     mean = made_tables.truth()
     mean[3, 4] = bad

@@ -4,11 +4,14 @@ import re
 import runpy
 from pathlib import Path
 
+import pytest
+
 from infoplan.plan import PLANNERS
 
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.long
 def test_every_planner_is_told_and_drawn(tmp_path, monkeypatch):
     page = (ROOT / "docs" / "planners.md").read_text(encoding="utf-8")
     table = page.partition("| planner | looks at |")[2].partition("\n\n")[0]

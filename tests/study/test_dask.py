@@ -50,6 +50,7 @@ def worker(file: Path, slow: float = 0.0, threads: int = 1):
                    "--no-nanny", "--no-dashboard", slow=slow)  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_cluster_elsewhere_survives_its_workers(tmp_path):
     folder = tmp_path / "results"
     with (

@@ -212,6 +212,7 @@ def test_a_study_that_grows_computes_only_what_is_new(tmp_path):
     assert len(again.items() - grown.items()) == 1
 
 
+@pytest.mark.long
 def test_fig5_runs_and_then_has_nothing_to_do(tmp_path, capfd):
     small = [option for option in OPTIONS if option != "detector=none"]
     line = [

@@ -43,7 +43,7 @@ def test_what_a_dead_process_held_is_taken_over(tmp_path):
     assert len(curves(folder)) == 3
 
 
-@pytest.mark.parametrize("outcome", ["finished", "given up"])
+@pytest.mark.parametrize("outcome", ["finished", pytest.param("given up", marks=pytest.mark.long)])
 def test_what_another_holds_is_left_for_last(outcome, tmp_path, volcano):
     folder, elsewhere = tmp_path / "results", tmp_path / "elsewhere"
     run = identify(quick(), volcano).name
