@@ -8,7 +8,7 @@ OLDEST := tests/detect tests/test_mission.py tests/test_tracking.py
 
 .DEFAULT_GOAL := help
 .PHONY: help run figures test test-long test-oldest test-browser coverage bench check package docs derived pictures paper \
-  detectors faults growth kernels loop maps models outliers planners survey clean
+  detectors faults growth kernels loop maps models multiverse outliers planners survey clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -59,7 +59,7 @@ docs: $(VENV)/.installed-docs ## build the site of docs/ into docs/_build/html; 
 derived: $(VENV)/.installed ## write conf/ and the tables in docs/ again, from the code that defines them
 	$(BIN)/python scripts/derive.py
 
-pictures: detectors faults kernels loop maps models outliers planners survey paper growth ## draw all pictures of docs/ again
+pictures: detectors faults kernels loop maps models multiverse outliers planners survey paper growth ## draw all pictures of docs/ again
 
 paper: figures ## draw what docs/ shows of the paper's study: Fig. 5, an animation, where errors come from, the errors of vecchia
 	cp results/figures/fig5.png docs/fig5.png
@@ -91,6 +91,9 @@ maps: $(VENV)/.installed ## draw the picture of docs/maps.md again
 
 models: $(VENV)/.installed ## draw the picture of docs/models.md again
 	$(BIN)/python scripts/draw_models.py
+
+multiverse: $(VENV)/.installed ## draw docs/multiverse.md again (TABLE=file: from another results/multiverse.parquet)
+	$(BIN)/python scripts/draw_multiverse.py $(TABLE)
 
 outliers: $(VENV)/.installed ## draw docs/outliers.md again (RESULTS=folder: from another run of experiment=outliers)
 	$(BIN)/python scripts/draw_outliers.py $(RESULTS)

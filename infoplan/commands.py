@@ -520,6 +520,8 @@ def claims(
 @setting("claim", Text(), "tell what moves one claim, as C4, and draw the choices below its curve")
 @click.option("--list", "listed", is_flag=True, help="name all universes, flown or not")
 @click.option("--json", "as_json", is_flag=True, help="write how all claims fare for scripts")
+@click.option("--markdown", "as_markdown", is_flag=True, help="write that, and what every level "
+              "does, for documents")  # fmt: skip
 @latex_flag
 def multiverse(
     results_dir: Path,
@@ -529,14 +531,15 @@ def multiverse(
     claim: str | None,
     listed: bool,
     as_json: bool,
+    as_markdown: bool,
     as_latex: bool,
     filters: dict[str, Any],
 ) -> int:
     """Sum up the multiverse."""
     from infoplan.multiverse_command import list_universes, multiverse
 
-    if as_json and as_latex:
-        raise UsageError("the multiverse is written as --json or --latex: choose one")
+    if as_json + as_markdown + as_latex > 1:
+        raise UsageError("the multiverse is written as --json, --markdown or --latex: choose one")
     if listed:
         return list_universes()
     return multiverse(
@@ -547,6 +550,7 @@ def multiverse(
         {"run": run, **_wanted(results_dir, filters)},
         _console_of(as_latex),
         as_json,
+        as_markdown,
     )
 
 

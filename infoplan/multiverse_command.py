@@ -16,6 +16,7 @@ from infoplan.analyse.multiverse import (
 )
 from infoplan.analyse.universe_numbers import Multiverse, collect, read, write
 from infoplan.draw.latex import LatexConsole
+from infoplan.draw.multiverse_markdown import markdown
 from infoplan.draw.multiverse_page import write_multiverse_page
 from infoplan.draw.multiverse_page_data import summary_data, what_moves
 from infoplan.draw.multiverse_table import (
@@ -46,6 +47,7 @@ def multiverse(
     filters: Mapping[str, Any],
     console: Console,
     as_json: bool = False,
+    as_markdown: bool = False,
 ) -> int:
     """Sum up a multiverse, or tell about one universe or claim.
 
@@ -65,9 +67,12 @@ def multiverse(
         Where the tables go; on one for LaTeX files are named on standard error.
     as_json
         Print how all claims fare for scripts, and draw nothing.
+    as_markdown
+        Print that and what every level does for documents, and draw nothing.
     """
-    if as_json and (universe or claim):
-        raise UsageError("--json is of all claims and universes: leave universe= and claim= out")
+    if (as_json or as_markdown) and (universe or claim):
+        flag = "--json" if as_json else "--markdown"
+        raise UsageError(f"{flag} is of all claims and universes: leave universe= and claim= out")
     one = None if universe is None else _named(universe)
     if claim is not None and claim.upper() not in TEXTS:
         raise UsageError(f"there is no claim {claim}: it is one of {', '.join(TEXTS)}")
@@ -98,6 +103,9 @@ def multiverse(
         if as_json:
             document = summary_data(numbers, curves, found, nearest)
             print(json.dumps(document, indent=2, allow_nan=False))
+            return 0
+        if as_markdown:
+            print(markdown(numbers, curves, found, nearest))
             return 0
         moves = {name: moved.jointly for name, moved in found.items()}
         tests = [moved.test for moved in found.values()]

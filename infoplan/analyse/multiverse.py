@@ -26,7 +26,7 @@ from infoplan.analyse.judging import (
 )
 from infoplan.analyse.statistics import Interval, holm, mean_interval
 from infoplan.analyse.universe_numbers import EARLY_WINDOWS, Multiverse, OfUniverse
-from infoplan.study.universes import CHOICES, DEFAULT, Universe
+from infoplan.study.universes import CHOICES, DEFAULT, METHODS, Universe
 
 Floats = NDArray[np.float64]
 
@@ -340,6 +340,50 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
         )  # fmt: skip
     table = pd.DataFrame(rows, columns=columns)
     return table.assign(p=holm(table["p"])).sort_values("p", ignore_index=True)
+
+
+def errors_by_universe(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
+    """Tell how each method ends in each universe, scope batch.
+
+    Returns
+    -------
+    DataFrame
+        A row a universe: one column a method, its mean final RMSE over seeds, NaN where it was not
+        flown; and ``collapsed``, the share of the missions that end with a collapsed model, those
+        of UCT-BEST left out.
+    """
+    missions = multiverse.missions
+    missions = missions[(missions["rho"] == rho) & (missions["scope"] == "batch")]
+    ends = missions.pivot_table(index="universe", columns="method", values="final")
+    judged = missions[missions["method"] != "UCT-BEST"]
+    collapsed = judged.groupby("universe")["collapsed"].mean()
+    there = [one.name for one in multiverse.universes]
+    return ends.reindex(columns=list(METHODS)).assign(collapsed=collapsed).reindex(there)
+
+
+def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
+    """How much every level moves each method's end, whatever the other choices are.
+
+    Ordinary least squares of the columns of `errors_by_universe` on the levels, over all universes
+    in which all four methods were flown.
+
+    Returns
+    -------
+    DataFrame
+        A row a level other than the default and column: choice, level, column; mean, low, high of
+        the coefficient, with 95 % t intervals. Empty where there are too few universes.
+    """
+    ends = errors_by_universe(multiverse, rho).dropna()
+    there = [one for one in multiverse.universes if one.name in ends.index]
+    design, named = _design(there)
+    if len(there) <= design.shape[1]:
+        return pd.DataFrame(columns=["choice", "level", "column", "mean", "low", "high"])
+    fits = {column: _least_squares(design, ends[column].to_numpy(float)) for column in ends}
+    return pd.DataFrame(
+        {"choice": choice, "level": level, "column": column, **fit.coefficient(place)}
+        for choice, level, place in named
+        for column, fit in fits.items()
+    )
 
 
 def joint_test(curve: ClaimCurve) -> JointTest:

@@ -46,7 +46,7 @@ def print_multiverse(
     ]
     print_table(console, heading(multiverse), columns, rows, named=1)
     for curve in curves:
-        told = _moves(moves.get(curve.name)) or "nothing that stands out"
+        told = moved_by(moves.get(curve.name)) or "nothing that stands out"
         say(console, f"{curve.name} {curve.text}. {curve.what}; moved by {told}", indent="    ")
     say(console, "effect: of the comparison that binds, named above; moved by: the part of the "
                  "variance over universes that only this choice explains, with * where p is below "
@@ -195,7 +195,7 @@ def _fate(curve: ClaimCurve, test: JointTest, nearest: Sequence[str]) -> list[Ce
     ]
 
 
-def _moves(effects: pd.DataFrame | None) -> str:
+def moved_by(effects: pd.DataFrame | None) -> str:
     """Name the choices that explain most of a claim's variance."""
     if effects is None or effects.empty:
         return ""

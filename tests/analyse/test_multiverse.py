@@ -15,12 +15,21 @@ from infoplan.analyse.multiverse import (
     effects_alone,
     effects_jointly,
     effects_of_rules,
+    errors_by_universe,
+    errors_jointly,
     joint_test,
     nearest_tenth,
     nearness,
     pairs_of_choices,
 )
-from infoplan.study.universes import CHOICES, DEFAULT, JOINT, joint_universes, universes
+from infoplan.study.universes import (
+    CHOICES,
+    DEFAULT,
+    JOINT,
+    METHODS,
+    joint_universes,
+    universes,
+)
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +107,40 @@ def test_joint_effects_are_those_of_statsmodels(multiverse):
     np.testing.assert_allclose(once["p"], adjusted, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(once["share"], gained, atol=1e-9)
     assert set(once.loc[once["p"] < 0.01, "choice"]) == {"noise", "pilot"}
+
+
+def test_errors_of_universes_are_means_over_seeds_at_one_rho():
+    few = universes()[:3]
+    made = made_up(lambda u, m, r: by_choice(u, m, r) + 1000.0 * (r != 0.1), there=few, noise=0.0)
+    missions = made.missions
+    missions.loc[missions["scope"] == "historical", "final"] = np.nan
+    missions.loc[missions["method"] == "UCT-BEST", "collapsed"] = True
+    none = (missions["method"] == "UCT-NONE") & (missions["universe"] == few[1].name)
+    missions.loc[none & (missions["seed"] < 3), "collapsed"] = True
+    ends = errors_by_universe(made)
+    assert list(ends.index) == [one.name for one in few]
+    for one in few:
+        for method in METHODS:
+            assert ends.loc[one.name, method] == pytest.approx(by_choice(one, method, 0.1))
+    assert ends["collapsed"].tolist() == [0.0, 3 / 18, 0.0]
+
+
+def test_what_a_level_adds_to_errors_is_least_squares(multiverse):
+    ends, found = errors_by_universe(multiverse), errors_jointly(multiverse)
+    levels = pd.DataFrame({
+        (choice.name, level): [float(one.levels[choice.name] == level)
+                               for one in multiverse.universes]
+        for choice in CHOICES for level in list(choice.levels)[1:]
+    })  # fmt: skip
+    design = np.column_stack([np.ones(len(levels)), levels])
+    for method in METHODS:
+        fitted = OLS(ends[method].to_numpy(), design).fit()
+        rows = found[found["column"] == method]
+        assert list(zip(rows["choice"], rows["level"], strict=True)) == list(levels.columns)
+        np.testing.assert_allclose(rows["mean"], fitted.params[1:], atol=1e-6)
+        np.testing.assert_allclose(rows[["low", "high"]], fitted.conf_int()[1:], atol=1e-6)
+    few = made_up(by_choice, there=universes()[:5])
+    assert errors_jointly(few).empty
 
 
 def test_the_pair_that_works_together_is_found(multiverse):

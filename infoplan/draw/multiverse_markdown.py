@@ -1,0 +1,123 @@
+"""The multiverse as tables for documents: claims, the levels of every choice, what is near the clip."""
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from infoplan.analyse.multiverse import (
+    VERDICTS,
+    ClaimCurve,
+    errors_by_universe,
+    errors_jointly,
+    nearness,
+)
+from infoplan.analyse.universe_numbers import Multiverse
+from infoplan.draw.multiverse_page_data import Moved
+from infoplan.draw.multiverse_table import chosen, default_verdict, heading, moved_by
+from infoplan.study.universes import CHOICES, DEFAULT, METHODS
+from infoplan.wording import figure, interval, markdown_cell
+
+RHO = 0.1
+"""Share of outliers whose errors are told."""
+
+
+def markdown(
+    multiverse: Multiverse,
+    curves: Sequence[ClaimCurve],
+    moved: Mapping[str, Moved],
+    nearest: Sequence[str],
+) -> str:
+    """Write how claims fare, what every level does, and which universes are near the clip."""
+    unit = markdown_cell(multiverse.unit)
+    ends = f"final RMSE at rho {RHO:g}, {unit}"
+    tables = {
+        f"{markdown_cell(heading(multiverse))}: in how many universes a claim is supported, and "
+        "what moves the comparison that binds. \\* is p below 0.05 after Holm's correction over "
+        "choices.": _claims(curves, moved, nearest),
+        f"The defaults, and every level alone: mean {ends}; share of collapsed missions, UCT-BEST's "
+        "left out; claims.": _alone(multiverse, curves),
+        f"What a level adds to the {ends}, whatever the other choices are, with 95 % intervals: "
+        "least squares over all universes.": _jointly(multiverse),
+        "The tenth of the universes that comes nearest to the authors' clip: distance, the root "
+        "mean square of the logarithm of the ratio of the two RMSE, with its 95 % interval, and "
+        f"the run that comes so near; {ends}.": _near(multiverse, curves, nearest),
+    }
+    return "\n\n".join(f"{told}\n\n{table}" for told, table in tables.items() if table)
+
+
+def _claims(
+    curves: Sequence[ClaimCurve], moved: Mapping[str, Moved], nearest: Sequence[str]
+) -> str:
+    """A row a claim: its verdicts over all universes and those near the clip, and what moves it."""
+    rows = []
+    for curve in curves:
+        near = [v for name, v in zip(curve.universes, curve.verdicts, strict=True)
+                if name in nearest]  # fmt: skip
+        test = moved[curve.name].test
+        unit = f" {curve.unit}" if curve.unit else ""
+        rows.append([
+            curve.name, curve.text, *(str(curve.verdicts.count(one)) for one in VERDICTS),
+            default_verdict(curve), f"{near.count(VERDICTS[0])} of {len(near)}",
+            f"{curve.what}: {figure(test.median)}{unit}", figure(test.p_median),
+            moved_by(moved[curve.name].jointly).replace("*", r"\*"),
+        ])  # fmt: skip
+    names = ["", "claim", *VERDICTS, "by default", "supported near the clip",
+             "binding comparison, median effect", "joint p",
+             "variance that only this choice explains"]  # fmt: skip
+    return _table(names, rows)
+
+
+def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
+    """A row for the defaults and for every level alone: errors, and the claims' verdicts."""
+    ends = errors_by_universe(multiverse, RHO)
+    rows = []
+    for universe in multiverse.universes:
+        changed = [c for c in CHOICES if universe.levels[c.name] != c.default]
+        if universe.name == DEFAULT or len(changed) == 1:
+            verdicts = {curve.name: curve.verdicts[curve.universes.index(universe.name)]
+                        for curve in curves if universe.name in curve.universes}  # fmt: skip
+            rows.append([
+                universe.name, *_ends(ends.loc[universe.name]),
+                *(" ".join(name for name, found in verdicts.items() if found == one)
+                  for one in VERDICTS[:2]),
+            ])  # fmt: skip
+    return _table(["universe", *METHODS, "collapsed", *VERDICTS[:2]], rows)
+
+
+def _jointly(multiverse: Multiverse) -> str:
+    """A row a level: what it adds to each method's error, whatever the other choices are."""
+    found = errors_jointly(multiverse, RHO)
+    rows = []
+    for (choice, level), effects in found.groupby(["choice", "level"], sort=False):
+        of = effects.set_index("column")
+        told = [interval(*of.loc[method, ["mean", "low", "high"]]) for method in METHODS]
+        share = 100.0 * of.loc["collapsed", ["mean", "low", "high"]]
+        rows.append([choice, level, *told, f"{interval(*share)} %"])
+    return _table(["choice", "level", *METHODS, "collapsed"], rows)
+
+
+def _near(multiverse: Multiverse, curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> str:
+    """A row for each universe near the clip: which of its runs comes so near, and its claims."""
+    ends, far = errors_by_universe(multiverse, RHO), nearness(multiverse).set_index("universe")
+    there = {one.name: one for one in multiverse.universes}
+    rows = []
+    for name in nearest:
+        one = far.loc[name]
+        supported = [c.name for c in curves if name in c.universes
+                     and c.verdicts[c.universes.index(name)] == VERDICTS[0]]  # fmt: skip
+        rows.append([
+            name, interval(one["mean"], one["low"], one["high"]),
+            f"{one['method']}, rho {one['rho']:g}", *_ends(ends.loc[name]), " ".join(supported),
+            chosen(there[name]),
+        ])  # fmt: skip
+    names = ["universe", "distance", "by", *METHODS, "collapsed", VERDICTS[0], "chooses"]
+    return _table(names, rows)
+
+
+def _ends(row: "pd.Series[float]") -> list[str]:
+    return [*(figure(row[method]) for method in METHODS), f"{100 * row['collapsed']:.0f} %"]
+
+
+def _table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in (names, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(names)}", *lines[1:]]) if rows else ""

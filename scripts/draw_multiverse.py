@@ -1,0 +1,50 @@
+"""Draw docs/multiverse.md again: ``draw_multiverse.py [table]``.
+
+With a table, as ``infoplan multiverse`` writes it, that becomes docs/multiverse.parquet first.
+Pictures and tables are then drawn from that file alone, without any results.
+"""
+
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from infoplan.analyse.multiverse import claim_curves, nearest_tenth
+from infoplan.analyse.universe_numbers import read
+from infoplan.draw.multiverse_markdown import markdown
+from infoplan.draw.multiverse_page_data import what_moves
+from infoplan.draw.specification_curves import draw_claim, draw_effects, draw_overview
+from infoplan.multiverse_command import by_choice
+
+FOLDER = Path(__file__).parents[1] / "docs"
+BLOCK = re.compile(r"(<!-- all universes: make multiverse -->\n).*?(<!-- end -->)", re.S)
+CLAIM = "C4"
+"""That the filter helps: below its curve the choices are drawn."""
+
+
+def draw_multiverse(folder: Path = FOLDER) -> list[Path]:
+    """Draw the pictures, write the tables of the page, and return the pictures."""
+    numbers = read(folder / "multiverse.parquet")
+    curves, nearest = claim_curves(numbers), nearest_tenth(numbers)
+    moved = {curve.name: what_moves(curve, numbers) for curve in curves}
+    jointly = {name: found.jointly for name, found in moved.items()}
+    shares, p = (by_choice(jointly, column) for column in ("share", "p"))
+    helps = next(curve for curve in curves if curve.name == CLAIM)
+    with tempfile.TemporaryDirectory() as made:
+        drawn = [
+            *draw_overview(curves, nearest, Path(made)),
+            *draw_effects(shares, p, Path(made)),
+            *draw_claim(helps, numbers, nearest, Path(made)),
+        ]
+        pictures = [shutil.copy(file, folder) for file in drawn if file.suffix == ".png"]
+    page, tables = folder / "multiverse.md", markdown(numbers, curves, moved, nearest)
+    text = page.read_text(encoding="utf-8")
+    page.write_text(BLOCK.sub(lambda old: f"{old[1]}\n{tables}\n\n{old[2]}", text), "utf-8")
+    return [Path(picture) for picture in pictures]
+
+
+if __name__ == "__main__":
+    for table in sys.argv[1:]:
+        shutil.copy(table, FOLDER / "multiverse.parquet")
+    print(*draw_multiverse(), sep="\n")
