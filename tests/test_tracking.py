@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from studies import OPTIONS, curves
 
-from infoplan import tracking
+from infoplan import mlflow_runs
 from infoplan.cli import main
 
 WORDS = [*(word for word in OPTIONS if not word.startswith("detector=")), "backend=sequential"]
@@ -94,16 +94,16 @@ def test_verdicts_are_tags_where_there_are_any(study):
     tags = {key for _, key in told(study, "tags")}
     assert "claim.C2" not in tags
     (run,) = [path.stem for path in study.glob("runs/uct-none*.yaml")]
-    store = tracking.store_of(study, None)
-    tracking.send(study, [run], store, "infoplan", verdicts={"C2": "undecided"})
-    tracking.send(study, [run], store, "infoplan", verdicts={"C2": "supported"})
+    store = mlflow_runs.store_of(study, None)
+    mlflow_runs.send(study, [run], store, "infoplan", verdicts={"C2": "undecided"})
+    mlflow_runs.send(study, [run], store, "infoplan", verdicts={"C2": "supported"})
     assert told(study, "tags")[run, "claim.C2"] == "supported"
 
 
 def test_files_are_sent_where_they_are_wanted(study):
     (run,) = [path.stem for path in study.glob("runs/uct-best*.yaml")]
-    store = tracking.store_of(study, None)
-    assert tracking.send(study, [run], store, "with files", artifacts=True) == 2
+    store = mlflow_runs.store_of(study, None)
+    assert mlflow_runs.send(study, [run], store, "with files", artifacts=True) == 2
     (sent,) = (study / "mlartifacts").rglob("*.yaml")
     assert sent.read_bytes() == (study / "runs" / f"{run}.yaml").read_bytes()
 
@@ -120,7 +120,7 @@ def test_a_tracker_that_fails_costs_nothing(study, tmp_path, capsys):
 
 
 def test_what_breaks_off_is_completed(study, monkeypatch, capsys):
-    real, calls = tracking._send_curve, []
+    real, calls = mlflow_runs._send_curve, []
 
     def breaks(client, number, name, *curve):
         calls.append(name)
@@ -128,7 +128,7 @@ def test_what_breaks_off_is_completed(study, monkeypatch, capsys):
             raise ConnectionError("the line is dead")
         real(client, number, name, *curve)
 
-    monkeypatch.setattr(tracking, "_send_curve", breaks)
+    monkeypatch.setattr(mlflow_runs, "_send_curve", breaks)
     words = ["planner=uct", "detector=best", "seeds=[3,4]", MLFLOW]
     assert fly(study, *words) == 0
     assert "has not taken all runs (the line is dead)" in capsys.readouterr().err
@@ -146,7 +146,7 @@ def test_nothing_is_sent_of_a_dry_run(tmp_path):
 
 
 def test_a_machine_without_mlflow_is_told_before_anything_is_flown(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(tracking, "find_spec", lambda name: None)
+    monkeypatch.setattr(mlflow_runs, "find_spec", lambda name: None)
     assert fly(tmp_path, *NONE, "seeds=1", MLFLOW) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "needs MLflow, which is not installed: pip install 'infoplan[tracking]'" in line

@@ -1,4 +1,4 @@
-"""The multiverse as tables for documents: claims, the levels of every choice, what is near the clip."""
+"""The multiverse as tables for documents: claims, levels of choices, what is near the clip."""
 
 from collections.abc import Mapping, Sequence
 
@@ -34,8 +34,8 @@ def markdown(
         f"{markdown_cell(heading(multiverse))}: in how many universes a claim is supported, and "
         "what moves the comparison that binds. \\* is p below 0.05 after Holm's correction over "
         "choices.": _claims(curves, moved, nearest),
-        f"The defaults, and every level alone: mean {ends}; share of collapsed missions, UCT-BEST's "
-        "left out; claims.": _alone(multiverse, curves),
+        f"The defaults, and every level alone: mean {ends}; share of collapsed missions, those of "
+        "UCT-BEST left out; claims.": _alone(multiverse, curves),
         f"What a level adds to the {ends}, whatever the other choices are, with 95 % intervals: "
         "least squares over all universes.": _jointly(multiverse),
         "The tenth of the universes that comes nearest to the authors' clip: distance, the root "
@@ -48,7 +48,7 @@ def markdown(
 def _claims(
     curves: Sequence[ClaimCurve], moved: Mapping[str, Moved], nearest: Sequence[str]
 ) -> str:
-    """A row a claim: its verdicts over all universes and those near the clip, and what moves it."""
+    """Give each claim a row: its verdicts over all universes, near the clip, and what moves it."""
     rows = []
     for curve in curves:
         near = [v for name, v in zip(curve.universes, curve.verdicts, strict=True)
@@ -68,7 +68,7 @@ def _claims(
 
 
 def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
-    """A row for the defaults and for every level alone: errors, and the claims' verdicts."""
+    """Give the defaults and every level alone a row: errors, and the claims' verdicts."""
     ends = errors_by_universe(multiverse, RHO)
     rows = []
     for universe in multiverse.universes:
@@ -85,7 +85,7 @@ def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
 
 
 def _jointly(multiverse: Multiverse) -> str:
-    """A row a level: what it adds to each method's error, whatever the other choices are."""
+    """Give each level a row: what it adds to each method's error, whatever the others are."""
     found = errors_jointly(multiverse, RHO)
     rows = []
     for (choice, level), effects in found.groupby(["choice", "level"], sort=False):
@@ -97,7 +97,7 @@ def _jointly(multiverse: Multiverse) -> str:
 
 
 def _near(multiverse: Multiverse, curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> str:
-    """A row for each universe near the clip: which of its runs comes so near, and its claims."""
+    """Give each universe near the clip a row: which run comes so near, and its claims."""
     ends, far = errors_by_universe(multiverse, RHO), nearness(multiverse).set_index("universe")
     there = {one.name: one for one in multiverse.universes}
     rows = []

@@ -23,8 +23,8 @@ from infoplan.config import GROUPS, Config
 from infoplan.errors import UsageError
 from infoplan.hydra_front.explain import explained
 from infoplan.hydra_front.known_options import no_option
-from infoplan.hydra_front.mlflow_options import MlflowOptions
 from infoplan.hydra_front.overrides import readable, values_of
+from infoplan.hydra_front.tracker_options import MlflowOptions, WandbOptions
 from infoplan.text_options import decimal, text_options
 
 LOCK = threading.RLock()
@@ -68,6 +68,7 @@ def register() -> None:
     target = "hydra_plugins.infoplan.PoolLauncher"
     store.store(group="hydra/launcher", name="infoplan", node={"_target_": target})
     store.store(group="hydra/callbacks", name="mlflow", node={"mlflow": MlflowOptions})
+    store.store(group="hydra/callbacks", name="wandb", node={"wandb": WandbOptions})
 
 
 class Composer:

@@ -1,4 +1,4 @@
-"""Options of the callback that sends runs to MLflow, as Hydra checks them."""
+"""Options of the callbacks that pass on stored runs, as Hydra checks them."""
 
 from dataclasses import dataclass
 
@@ -12,3 +12,11 @@ class MlflowOptions:
     experiment: str = "infoplan"
     artifacts: bool = False
     claims: bool = True
+
+
+@dataclass
+class WandbOptions:
+    """What ``hydra.callbacks.wandb.project=`` sets; see `WandbCallback`."""
+
+    _target_: str = "infoplan.hydra_front.wandb_callback.WandbCallback"
+    project: str = "infoplan"
