@@ -16,6 +16,9 @@ from infoplan.method_identity import NEVER_ERRS, PAPERS_CHOICES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+ROOM = 1.5
+"""The highest point of a line, times this, is as far as a panel reaches."""
+
 NEEDS = tuple(
     dict.fromkeys(
         (method, rho, "batch" if PAPERS_CHOICES[method][1] in NEVER_ERRS else scope)
@@ -45,7 +48,11 @@ def curves_figure(
     unit = style.inert(selection.unit, style.LONGEST_UNIT)
     labels = ("collected samples", f"RMSE ({unit})")
     figure, shown = draw_panels(selection, numbers, "collected", labels, single_seeds=single_seeds)
-    shown[0].set_ylim(bottom=0)
+    # The 95 % band of two seeds is thirteen standard errors wide: it may leave the panel.
+    drawn = np.concatenate([line.get_ydata() for axes in shown for line in axes.get_lines()])
+    highest = drawn[np.isfinite(drawn) & (drawn > 0)].max(initial=0.0)
+    top = shown[0].get_ylim()[1]
+    shown[0].set_ylim(0, min(top, ROOM * highest) if highest else top)
     shown[0].set_xlim(0, selection.budget)
     return figure
 

@@ -18,8 +18,9 @@ from rich.console import Console
 
 from infoplan.analyse import find_missions, find_study
 from infoplan.cli import main
+from infoplan.draw import style
 from infoplan.draw.animate import animate
-from infoplan.draw.fig5 import plotted_numbers
+from infoplan.draw.fig5 import curves_figure, plotted_numbers
 from infoplan.draw.figures import OF_STUDY, draw_figures
 from infoplan.draw.recording import read_recording, run_to_show
 from infoplan.draw.report import render
@@ -129,6 +130,19 @@ def test_fig5_draws_everything_and_the_others_name_what_they_lack(everything, tm
         assert not one.files
         assert f"{one.name} lacks" in one.problem
         assert "infoplan run" in one.problem
+
+
+@pytest.mark.parametrize("single_seeds", [False, True])
+def test_bands_of_two_seeds_do_not_squash_the_lines(single_seeds, tmp_path):
+    for seed, rmse in enumerate((100.0, 200.0)):
+        made_methods.store(tmp_path, "uct", "none", seed=seed, rmse=[rmse] * 4)
+    study = find_study(tmp_path)
+    numbers = plotted_numbers(study)
+    assert numbers["high"].max() > 700, "the interval itself stays what it is"
+    with style.journal():
+        figure = curves_figure(study, numbers, single_seeds=single_seeds)
+    highest = 200.0 if single_seeds else 150.0
+    assert figure.axes[0].get_ylim() == (0.0, 1.5 * highest)
 
 
 def test_other_shares_of_outliers_get_panels_of_their_own(tmp_path):
