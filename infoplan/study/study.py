@@ -10,6 +10,9 @@ from infoplan.study.flight import Task
 from infoplan.study.identity import Run
 from infoplan.study.store import Stored, inspect, inspect_derived
 
+TAIL = 100
+"""Missions at the end of a study that are started by their length: before, nobody is left alone."""
+
 
 @dataclass
 class Study:
@@ -64,7 +67,10 @@ class Study:
     seconds: float = 0.0
 
     def todo(self, resume: bool) -> list[Task]:
-        """List what is to be done, the longest first, so that none is left alone at the end."""
+        """List what is to be done, in order but for the last `TAIL` missions.
+
+        Of those the longest come first, so that none is left alone at the end.
+        """
         missions = [
             (run, seed)
             for run, seeds in self.runs
@@ -73,7 +79,7 @@ class Study:
         ]
         kinds = {run.name: kind_of(run.science) for run, _ in self.runs}
         length = {name: self.pace.seconds(kind) or kind.work for name, kind in kinds.items()}
-        missions.sort(key=lambda mission: -length[mission[0].name])
+        missions[-TAIL:] = sorted(missions[-TAIL:], key=lambda mission: -length[mission[0].name])
         flown = None if self.flown is None else (self.results_dir, self.flown)
         return [
             Task(run, seed, number, flown, self.surveyed, self.origins,

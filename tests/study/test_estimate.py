@@ -150,3 +150,15 @@ def test_the_longest_missions_are_started_first(tmp_path):
     for budget, seconds in ((130, 50.0), (160, 7.0), (190, 9.0)):
         plan.pace.add(kinds[budget], seconds)
     assert [budget for budget, _, _ in order()] == [130, 130, 190, 190, 160, 160]
+
+
+def test_a_long_study_goes_in_order_but_for_its_end(tmp_path):
+    """What is named first is whole first; in the last hundred missions the longest come first."""
+    configs = [
+        replace(quick(), budget=budget, seeds=40, results_dir=str(tmp_path))
+        for budget in (130, 160, 190, 140, 180)
+    ]
+    plan = plan_study(configs, listener(Console(file=io.StringIO())).say)
+    budgets = [task.run.config.budget for task in plan.todo(True)]
+    assert budgets[:100] == [130] * 40 + [160] * 40 + [190] * 20
+    assert budgets[100:] == [190] * 20 + [180] * 40 + [140] * 40
