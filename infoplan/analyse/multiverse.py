@@ -387,8 +387,14 @@ def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
 
 
 def joint_test(curve: ClaimCurve) -> JointTest:
-    """Test a claim's effect over all universes at once, by all sign flips of the seeds."""
-    effects = curve.effects[:, np.isfinite(curve.effects).all(axis=0)]
+    """Test a claim's effect over all universes at once, by all sign flips of the seeds.
+
+    A universe that lacks seeds, as one that is being flown, is left out; if all lack some, the
+    seeds are.
+    """
+    known = np.isfinite(curve.effects)
+    whole = known.all(axis=1)
+    effects = curve.effects[whole] if whole.any() else curve.effects[:, known.all(axis=0)]
     n = effects.shape[1]
     if n < 2:
         return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, 0)

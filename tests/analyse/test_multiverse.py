@@ -1,5 +1,6 @@
 """The multiverse on made-up numbers, whose truth is known, and on small missions."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -201,6 +202,20 @@ def test_the_joint_test_flips_the_seeds_of_all_universes_together():
     assert found.one_side == max(np.mean(curve.means > 0), np.mean(curve.means < 0))
     assert found.p_median == np.mean(np.abs(medians) >= abs(found.median) - 1e-9)
     assert found.p_mean_t == np.mean(np.abs(ts) >= abs(found.mean_t) - 1e-9)
+
+
+def test_the_joint_test_is_of_whole_universes():
+    """One that is being flown costs the others no seed; of seeds that all lack nothing is said."""
+    made = made_up(by_choice, there=universes()[:5])
+    (curve,) = claim_curves(made, ["C2"])
+    for seeds, expected in (((3, 4), curve.effects[:4]), ((), curve.effects[:, 1:])):
+        effects = curve.effects.copy()
+        effects[4, list(seeds)] = np.nan
+        if not seeds:
+            effects[:, 0] = np.nan
+        found = joint_test(replace(curve, effects=effects))
+        assert found == joint_test(replace(curve, effects=expected))
+        assert found.flips == 2 ** expected.shape[1]
 
 
 def test_the_joint_test_is_rarely_wrong_without_effect():
