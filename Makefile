@@ -92,7 +92,7 @@ maps: $(VENV)/.installed ## draw the picture of docs/maps.md again
 models: $(VENV)/.installed ## draw the picture of docs/models.md again
 	$(BIN)/python scripts/draw_models.py
 
-multiverse: $(VENV)/.installed ## draw docs/multiverse.md again (TABLE=file: from another results/multiverse.parquet)
+multiverse: $(VENV)/.installed ## draw docs/multiverse.md again (TABLE=results/multiverse.parquet: with its universes)
 	$(BIN)/python scripts/draw_multiverse.py $(TABLE)
 
 outliers: $(VENV)/.installed ## draw docs/outliers.md again (RESULTS=folder: from another run of experiment=outliers)

@@ -1,7 +1,8 @@
 """Draw docs/multiverse.md again: ``draw_multiverse.py [table]``.
 
-With a table, as ``infoplan multiverse`` writes it, that becomes docs/multiverse.parquet first.
-Pictures and tables are then drawn from that file alone, without any results.
+With a table, as ``infoplan multiverse`` writes it, its universes come into docs/multiverse.parquet
+first, as far as they are whole; those that it does not have stay there. Pictures and tables are
+then drawn from that file alone, without any results.
 """
 
 import re
@@ -11,7 +12,8 @@ import tempfile
 from pathlib import Path
 
 from infoplan.analyse.multiverse import claim_curves, nearest_tenth
-from infoplan.analyse.universe_numbers import read
+from infoplan.analyse.universe_numbers import read, write
+from infoplan.analyse.universe_parts import joined, whole
 from infoplan.draw.multiverse_markdown import markdown
 from infoplan.draw.multiverse_page_data import what_moves
 from infoplan.draw.specification_curves import draw_claim, draw_effects, draw_overview
@@ -21,6 +23,13 @@ FOLDER = Path(__file__).parents[1] / "docs"
 BLOCK = re.compile(r"(<!-- all universes: make multiverse -->\n).*?(<!-- end -->)", re.S)
 CLAIM = "C4"
 """That the filter helps: below its curve the choices are drawn."""
+
+
+def take_universes(table: Path, folder: Path = FOLDER) -> Path:
+    """Put whole universes of a table into the folder's, and return that."""
+    path, found = folder / "multiverse.parquet", whole(read(table))
+    write(joined(read(path), found) if path.exists() else found, path)
+    return path
 
 
 def draw_multiverse(folder: Path = FOLDER) -> list[Path]:
@@ -45,6 +54,6 @@ def draw_multiverse(folder: Path = FOLDER) -> list[Path]:
 
 
 if __name__ == "__main__":
-    for table in sys.argv[1:]:
-        shutil.copy(table, FOLDER / "multiverse.parquet")
+    for table in map(Path, sys.argv[1:]):
+        print(take_universes(table))
     print(*draw_multiverse(), sep="\n")

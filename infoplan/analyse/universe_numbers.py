@@ -168,17 +168,23 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
         for universe in names
     ]
     missions = pd.concat(rows, ignore_index=True)
-    order = [one.name for one in universes()]
-    missions = missions.sort_values(
-        list(LABELS), key=lambda column: column.map(order.index) if column.name == "universe"
-        else column.map(METHODS.index) if column.name == "method" else column, ignore_index=True,
-    )  # fmt: skip
+    missions = in_order(missions)
     first = next(iter(selection.options.values()))
     columns = [*LABELS, *NUMBERS, *OTHERS, "collapsed", "rmse"]
     return Multiverse(
         missions[columns], axis, selection.terrain, selection.unit, selection.budget,
         str(first["model.name"]), Measures(selection).deviation,
     )  # fmt: skip
+
+
+def in_order(missions: pd.DataFrame) -> pd.DataFrame:
+    """Sort missions by their `LABELS`: universes and methods in the order of their definition."""
+    orders = {"universe": [one.name for one in universes()], "method": METHODS}
+
+    def place(labels: Any) -> Any:
+        return labels.map(orders[labels.name].index) if labels.name in orders else labels
+
+    return missions.sort_values(list(LABELS), key=place, ignore_index=True)
 
 
 def write(multiverse: Multiverse, path: Path) -> None:
