@@ -4,6 +4,7 @@ import io
 import json
 import re
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -252,10 +253,17 @@ def test_every_level_is_an_option_and_no_default():
             )
 
 
-def test_the_experiment_is_the_universes_line_by_line():
+def test_the_experiment_is_all_universes_the_cheap_ones_first():
     path = Path(__file__).parents[1] / "conf" / "experiment" / "multiverse.yaml"
-    entries = yaml.safe_load(path.read_text(encoding="utf-8"))["sweep"]
-    slow = [one for one in universes() if one.levels["learning"] == "adam per sample"]
-    assert len(slow) == 13
-    cheap = [one for one in universes() if one not in slow]
-    assert entries == [line for universe in (*cheap, *slow) for line in universe.lines()]
+    text = path.read_text(encoding="utf-8")
+    blocks = re.findall(r"^  # (.+)\n((?:  - .+\n)+)", text, re.MULTILINE)
+    there = {name: re.findall("  - (.+)", entries) for name, entries in blocks}
+    assert there == {one.name: list(one.lines()) for one in universes()}
+    assert list(chain(*there.values())) == yaml.safe_load(text)["sweep"]
+    levels = {one.name: one.levels for one in universes()}
+    joint = [levels[name] for name in there if name.startswith("joint")]
+    slow = [("lbfgs 20", "1"), ("adam 20", "1"), ("adam per sample", "1")]
+    assert (joint[0]["learning"], joint[0]["actions driven"]) == ("frozen", "all")
+    assert {(one["learning"], one["actions driven"]) for one in joint[-6:]} <= set(slow)
+    assert next(iter(there)) == DEFAULT
+    assert all(name.startswith("joint") for name in list(there)[-len(joint) :])
