@@ -361,6 +361,37 @@ def errors_by_universe(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
     return ends.reindex(columns=list(METHODS)).assign(collapsed=collapsed).reindex(there)
 
 
+PAIRS = (("UCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-COPOD"))
+"""Methods whose order `orders_by_collapse` tells."""
+
+
+def orders_by_collapse(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
+    """Tell how methods rank where UCT-NONE's model collapses, and where it does not.
+
+    Returns
+    -------
+    DataFrame
+        Two rows, indexed by ``collapses``, whether most missions of UCT-NONE end collapsed:
+        ``universes``, how many; a column a method, the median over them of its mean final RMSE,
+        scope batch; and for each of `PAIRS`, as "A < B" and "A > B", in how many of them A ends
+        below and above B by more than the margin.
+    """
+    missions = multiverse.missions
+    none = missions[(missions["method"] == "UCT-NONE") & (missions["rho"] == rho)]
+    ends = errors_by_universe(multiverse, rho).drop(columns="collapsed").dropna()
+    collapses = none.groupby("universe")["collapsed"].mean().reindex(ends.index) > 0.5
+    margin = USUAL.margin * multiverse.deviation
+    told = {
+        f"{one} {sign} {other}": (ends[one] - ends[other]) * side > margin
+        for one, other in PAIRS
+        for sign, side in (("<", -1.0), (">", 1.0))
+    }
+    groups = pd.DataFrame(told).groupby(collapses)
+    found = pd.concat([groups.size().rename("universes"), ends.groupby(collapses).median(),
+                       groups.sum()], axis=1)  # fmt: skip
+    return found.reindex([True, False]).rename_axis("collapses")
+
+
 def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
     """How much every level moves each method's end, whatever the other choices are.
 

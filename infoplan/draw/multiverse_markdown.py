@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from infoplan.analyse.multiverse import (
+    PAIRS,
     VERDICTS,
     ClaimCurve,
     errors_by_universe,
     errors_jointly,
     nearness,
+    orders_by_collapse,
 )
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.multiverse_page_data import Moved
@@ -34,6 +36,9 @@ def markdown(
         f"{markdown_cell(heading(multiverse))}: in how many universes a claim is supported, and "
         "what moves the comparison that binds. \\* is p below 0.05 after Holm's correction over "
         "choices.": _claims(curves, moved, nearest),
+        "Universes in which most missions of UCT-NONE end with a collapsed model, and others: "
+        f"median over them of the mean {ends}, and in how many a method ends below or above "
+        "another by more than the margin.": _by_collapse(multiverse),
         f"The defaults, and every level alone: mean {ends}; share of collapsed missions, those of "
         "UCT-BEST left out; claims.": _alone(multiverse, curves),
         f"What a level adds to the {ends}, whatever the other choices are, with 95 % intervals: "
@@ -67,6 +72,20 @@ def _claims(
     return _table(names, rows)
 
 
+def _by_collapse(multiverse: Multiverse) -> str:
+    """Give the universes with a collapsed UCT-NONE a row, and the others."""
+    found = orders_by_collapse(multiverse, RHO).dropna()
+    rows = [
+        ["collapsed" if collapses else "not", f"{row['universes']:.0f}",
+         *(figure(row[method]) for method in METHODS),
+         *(f"{row[f'{one} < {other}']:.0f} below, {row[f'{one} > {other}']:.0f} above"
+           for one, other in PAIRS)]
+        for collapses, row in found.iterrows()
+    ]  # fmt: skip
+    pairs = [f"{one} against {other}" for one, other in PAIRS]
+    return _table(["UCT-NONE", "universes", *METHODS, *pairs], rows)
+
+
 def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
     """Give the defaults and every level alone a row: errors, and the claims' verdicts."""
     ends = errors_by_universe(multiverse, RHO)
@@ -86,11 +105,13 @@ def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
 
 def _jointly(multiverse: Multiverse) -> str:
     """Give each level a row: what it adds to each method's error, whatever the others are."""
-    found = errors_jointly(multiverse, RHO)
+    found, concerned = errors_jointly(multiverse, RHO), {one.name: one.methods for one in CHOICES}
     rows = []
     for (choice, level), effects in found.groupby(["choice", "level"], sort=False):
         of = effects.set_index("column")
-        told = [interval(*of.loc[method, ["mean", "low", "high"]]) for method in METHODS]
+        # What a choice cannot change has no effect but that of universes that happen to have it.
+        told = [interval(*of.loc[method, ["mean", "low", "high"]]) if method in concerned[choice]
+                else "" for method in METHODS]  # fmt: skip
         share = 100.0 * of.loc["collapsed", ["mean", "low", "high"]]
         rows.append([choice, level, *told, f"{interval(*share)} %"])
     return _table(["choice", "level", *METHODS, "collapsed"], rows)

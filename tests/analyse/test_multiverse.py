@@ -21,6 +21,7 @@ from infoplan.analyse.multiverse import (
     joint_test,
     nearest_tenth,
     nearness,
+    orders_by_collapse,
     pairs_of_choices,
 )
 from infoplan.study.universes import (
@@ -124,6 +125,28 @@ def test_errors_of_universes_are_means_over_seeds_at_one_rho():
         for method in METHODS:
             assert ends.loc[one.name, method] == pytest.approx(by_choice(one, method, 0.1))
     assert ends["collapsed"].tolist() == [0.0, 3 / 18, 0.0]
+
+
+def test_methods_rank_otherwise_where_models_collapse():
+    few = universes()[:6]
+    made = made_up(by_choice, there=few)
+    missions = made.missions
+    none = (missions["method"] == "UCT-NONE") & (missions["rho"] == 0.1)
+    # Where NONE ends at 1000 its model collapses; elsewhere that of two seeds does.
+    high = missions["final"] > 900
+    missions.loc[none & (high | (missions["seed"] < 2)), "collapsed"] = True
+    found = orders_by_collapse(made)
+    ends = np.array([by_choice(one, "UCT-NONE", 0.1) for one in few])
+    for collapses, own in ((True, ends[ends > 900]), (False, ends[ends < 900])):
+        row = found.loc[collapses]
+        assert row["universes"] == len(own) > 0
+        assert row["UCT-NONE"] == pytest.approx(np.median(own), abs=10.0)
+        assert row["UCT-COPOD < UCT-NONE"] == (own - 600.0 > MARGIN).sum()
+        assert row["UCT-COPOD > UCT-NONE"] == (600.0 - own > MARGIN).sum()
+        assert row["PUCT-COPOD < UCT-COPOD"] == len(own)
+        assert row["PUCT-COPOD > UCT-COPOD"] == 0
+    (only,) = [orders_by_collapse(made_up(by_choice, there=few[:1]))]
+    assert only.dropna().index.tolist() == [False]
 
 
 def test_what_a_level_adds_to_errors_is_least_squares(multiverse):

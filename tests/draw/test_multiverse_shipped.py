@@ -1,0 +1,75 @@
+"""The page on the multiverse: its file is enough to draw it, and its tables say no more."""
+
+import re
+import runpy
+import shutil
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from infoplan.analyse.multiverse import orders_by_collapse
+from infoplan.analyse.universe_numbers import read
+from infoplan.analyse.universe_parts import whole
+from infoplan.study.universes import DEFAULT
+
+ROOT = Path(__file__).parents[2]
+PICTURES = ("multiverse.png", "multiverse_choices.png", "multiverse_c4.png")
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return read(ROOT / "docs" / "multiverse.parquet")
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("docs")
+    for name in ("multiverse.parquet", "multiverse.md"):
+        shutil.copy(ROOT / "docs" / name, folder)
+    script = runpy.run_path(str(ROOT / "scripts" / "draw_multiverse.py"))
+    assert script["draw_multiverse"](folder) == [folder / name for name in PICTURES]
+    return folder
+
+
+def test_the_shipped_file_gives_the_shipped_page_and_pictures(drawn):
+    text = (drawn / "multiverse.md").read_text(encoding="utf-8")
+    assert text == (ROOT / "docs" / "multiverse.md").read_text(encoding="utf-8")
+    for name in PICTURES:
+        again, shipped = (matplotlib.image.imread(f / name) for f in (drawn, ROOT / "docs"))
+        assert again.shape == shipped.shape
+        # Fonts of another version of matplotlib may differ in a few pixels.
+        assert np.mean(np.abs(again - shipped).max(axis=-1) > 0.1) < 0.02
+
+
+def test_all_that_is_shipped_is_whole(shipped):
+    assert whole(shipped).missions.equals(shipped.missions)
+    names = [one.name for one in shipped.universes]
+    assert names[0] == DEFAULT
+    missions = shipped.missions
+    assert (shipped.terrain, shipped.budget) == ("helens", 2000)
+    alone = missions[~missions["universe"].str.startswith("joint")]
+    assert set(alone.groupby("universe")["rho"].nunique()) == {3}
+    assert np.isfinite(missions[["final", "early", "late"]]).all(axis=None)
+
+
+def test_counts_in_the_prose_are_those_of_the_file(shipped):
+    """Where the main sentence of page and README comes from."""
+    found = orders_by_collapse(shipped)
+    page = " ".join((ROOT / "docs" / "multiverse.md").read_text(encoding="utf-8").split())
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    collapsed, others = found.loc[True], found.loc[False]
+    assert f"Of 105 universes {len(shipped.universes)} are flown" in page
+    assert f"In {collapsed['universes']:.0f} universes most missions of UCT-NONE end" in page
+    below, above = (others[f"UCT-COPOD {sign} UCT-NONE"] for sign in "<>")
+    assert re.search(
+        f"In the {others['universes']:.0f} others UCT-NONE ends at {others['UCT-NONE']:.0f} ft "
+        rf"instead of {collapsed['UCT-NONE']:.0f} \(medians\), UCT-COPOD below it in {below:.0f} "
+        f"and above it in {above:.0f}", page
+    )  # fmt: skip
+    pays = f"{collapsed['UCT-COPOD < UCT-NONE']:.0f} of {collapsed['universes']:.0f}"
+    rarely = f"{below:.0f} of {others['universes']:.0f}"
+    assert (
+        f"in {pays} readings of the paper, and in {rarely} others, above it in {above:.0f}"
+    ) in readme
