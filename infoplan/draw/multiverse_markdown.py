@@ -1,6 +1,7 @@
 """The multiverse as tables for documents: claims, levels of choices, what is near the clip."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -88,7 +89,7 @@ def _by_collapse(multiverse: Multiverse) -> str:
 
 def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
     """Give the defaults and every level alone a row: errors, and the claims' verdicts."""
-    ends = errors_by_universe(multiverse, RHO)
+    ends: Any = errors_by_universe(multiverse, RHO)
     rows = []
     for universe in multiverse.universes:
         changed = [c for c in CHOICES if universe.levels[c.name] != c.default]
@@ -105,7 +106,8 @@ def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
 
 def _jointly(multiverse: Multiverse) -> str:
     """Give each level a row: what it adds to each method's error, whatever the others are."""
-    found, concerned = errors_jointly(multiverse, RHO), {one.name: one.methods for one in CHOICES}
+    found: Any = errors_jointly(multiverse, RHO)
+    concerned = {one.name: one.methods for one in CHOICES}
     rows = []
     for (choice, level), effects in found.groupby(["choice", "level"], sort=False):
         of = effects.set_index("column")
@@ -119,7 +121,8 @@ def _jointly(multiverse: Multiverse) -> str:
 
 def _near(multiverse: Multiverse, curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> str:
     """Give each universe near the clip a row: which run comes so near, and its claims."""
-    ends, far = errors_by_universe(multiverse, RHO), nearness(multiverse).set_index("universe")
+    ends: Any = errors_by_universe(multiverse, RHO)
+    far: Any = nearness(multiverse).set_index("universe")
     there = {one.name: one for one in multiverse.universes}
     rows = []
     for name in nearest:
