@@ -21,6 +21,7 @@ from infoplan.multiverse_command import by_choice
 
 FOLDER = Path(__file__).parents[1] / "docs"
 BLOCK = re.compile(r"(<!-- all universes: make multiverse -->\n).*?(<!-- end -->)", re.S)
+PICTURES = ("multiverse.png", "multiverse_choices.png", "multiverse_c4.png")
 CLAIM = "C4"
 """That the filter helps: below its curve the choices are drawn."""
 
@@ -41,12 +42,10 @@ def draw_multiverse(folder: Path = FOLDER) -> list[Path]:
     shares, p = (by_choice(jointly, column) for column in ("share", "p"))
     helps = next(curve for curve in curves if curve.name == CLAIM)
     with tempfile.TemporaryDirectory() as made:
-        drawn = [
-            *draw_overview(curves, nearest, Path(made)),
-            *draw_effects(shares, p, Path(made)),
-            *draw_claim(helps, numbers, nearest, Path(made)),
-        ]
-        pictures = [shutil.copy(file, folder) for file in drawn if file.suffix == ".png"]
+        draw_overview(curves, nearest, Path(made))
+        draw_effects(shares, p, Path(made))
+        draw_claim(helps, numbers, nearest, Path(made))
+        pictures = [shutil.copy(Path(made) / name, folder) for name in PICTURES]
     page, tables = folder / "multiverse.md", markdown(numbers, curves, moved, nearest)
     text = page.read_text(encoding="utf-8")
     page.write_text(BLOCK.sub(lambda old: f"{old[1]}\n{tables}\n\n{old[2]}", text), "utf-8")
