@@ -36,7 +36,7 @@ def draw_overview(curves: Sequence[ClaimCurve], nearest: Sequence[str], folder: 
         panels = figure.subplots(rows, ACROSS, squeeze=False)
         for curve, axes in zip(curves, panels.flat, strict=False):
             _draw_curve(axes, curve, nearest)
-            title = "\n".join(wrap(f"{curve.name} {curve.text}", 38))
+            title = "\n".join(wrap(f"{curve.name} {curve.text}", 35))
             axes.set_title(title, loc="left", fontsize=style.SMALL)
         for axes in panels.flat[len(curves) :]:
             axes.set_axis_off()
