@@ -100,6 +100,10 @@ class ClaimCurve:
         """Mean effect of one universe with its 95 % t interval over seeds."""
         return mean_interval(self.effects[place])
 
+    def verdict_in(self, universe: str) -> str:
+        """Verdict in one universe; empty if that lacks the runs."""
+        return self.verdicts[self.universes.index(universe)] if universe in self.universes else ""
+
     def share(self, verdict: str) -> float:
         """Share of the universes with a verdict."""
         return self.verdicts.count(verdict) / len(self.verdicts)
@@ -250,12 +254,12 @@ def effects_alone(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
     base = _default_effects(curve)
     rows = []
     for universe in multiverse.universes:
-        changed = [c for c in CHOICES if universe.levels[c.name] != c.default]
-        if len(changed) == 1 and universe.name in curve.universes:
-            place, level = curve.universes.index(universe.name), universe.levels[changed[0].name]
+        if len(universe.changed) == 1 and universe.name in curve.universes:
+            (choice,) = universe.changed
+            place, level = curve.universes.index(universe.name), universe.levels[choice]
             moved = mean_interval(curve.effects[place] - base)
             rows.append(
-                {"choice": changed[0].name, "level": level, "mean": moved.mean, "low": moved.low,
+                {"choice": choice, "level": level, "mean": moved.mean, "low": moved.low,
                  "high": moved.high, "verdict": curve.verdicts[place]}
             )  # fmt: skip
     return pd.DataFrame(rows)

@@ -17,7 +17,7 @@ from infoplan.analyse.multiverse import (
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.multiverse_page_data import Moved
 from infoplan.draw.multiverse_table import chosen, default_verdict, heading, moved_by
-from infoplan.study.universes import CHOICES, DEFAULT, METHODS
+from infoplan.study.universes import CHOICES, METHODS
 from infoplan.wording import figure, interval, markdown_cell
 
 RHO = 0.1
@@ -57,8 +57,7 @@ def _claims(
     """Give each claim a row: its verdicts over all universes, near the clip, and what moves it."""
     rows = []
     for curve in curves:
-        near = [v for name, v in zip(curve.universes, curve.verdicts, strict=True)
-                if name in nearest]  # fmt: skip
+        near = list(filter(None, map(curve.verdict_in, nearest)))
         test = moved[curve.name].test
         unit = f" {curve.unit}" if curve.unit else ""
         rows.append([
@@ -90,17 +89,11 @@ def _by_collapse(multiverse: Multiverse) -> str:
 def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
     """Give the defaults and every level alone a row: errors, and the claims' verdicts."""
     ends: Any = errors_by_universe(multiverse, RHO)
-    rows = []
-    for universe in multiverse.universes:
-        changed = [c for c in CHOICES if universe.levels[c.name] != c.default]
-        if universe.name == DEFAULT or len(changed) == 1:
-            verdicts = {curve.name: curve.verdicts[curve.universes.index(universe.name)]
-                        for curve in curves if universe.name in curve.universes}  # fmt: skip
-            rows.append([
-                universe.name, *_ends(ends.loc[universe.name]),
-                *(" ".join(name for name, found in verdicts.items() if found == one)
-                  for one in VERDICTS[:2]),
-            ])  # fmt: skip
+    rows = [
+        [universe.name, *_ends(ends.loc[universe.name]),
+         *(_with_verdict(one, universe.name, curves) for one in VERDICTS[:2])]
+        for universe in multiverse.universes if len(universe.changed) <= 1
+    ]  # fmt: skip
     return _table(["universe", *METHODS, "collapsed", *VERDICTS[:2]], rows)
 
 
@@ -127,15 +120,17 @@ def _near(multiverse: Multiverse, curves: Sequence[ClaimCurve], nearest: Sequenc
     rows = []
     for name in nearest:
         one = far.loc[name]
-        supported = [c.name for c in curves if name in c.universes
-                     and c.verdicts[c.universes.index(name)] == VERDICTS[0]]  # fmt: skip
         rows.append([
             name, interval(one["mean"], one["low"], one["high"]),
-            f"{one['method']}, rho {one['rho']:g}", *_ends(ends.loc[name]), " ".join(supported),
-            chosen(there[name]),
+            f"{one['method']}, rho {one['rho']:g}", *_ends(ends.loc[name]),
+            _with_verdict(VERDICTS[0], name, curves), chosen(there[name]),
         ])  # fmt: skip
     names = ["universe", "distance", "by", *METHODS, "collapsed", VERDICTS[0], "chooses"]
     return _table(names, rows)
+
+
+def _with_verdict(verdict: str, universe: str, curves: Sequence[ClaimCurve]) -> str:
+    return " ".join(curve.name for curve in curves if curve.verdict_in(universe) == verdict)
 
 
 def _ends(row: "pd.Series[float]") -> list[str]:

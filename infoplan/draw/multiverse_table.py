@@ -157,11 +157,7 @@ def print_universe(
 
 def chosen(universe: Universe) -> str:
     """Say what a universe chooses other than the defaults."""
-    changed = [
-        f"{choice.name} {universe.levels[choice.name]}"
-        for choice in CHOICES
-        if universe.levels[choice.name] != choice.default
-    ]
+    changed = [f"{choice} {universe.levels[choice]}" for choice in universe.changed]
     return ", ".join(changed) or "all defaults"
 
 
@@ -176,14 +172,12 @@ def heading(multiverse: Multiverse) -> str:
 
 def default_verdict(curve: ClaimCurve) -> str:
     """Verdict in the default universe; a stroke if that was not flown."""
-    if DEFAULT not in curve.universes:
-        return "-"
-    return curve.verdicts[curve.universes.index(DEFAULT)]
+    return curve.verdict_in(DEFAULT) or "-"
 
 
 def _fate(curve: ClaimCurve, test: JointTest, nearest: Sequence[str]) -> list[Cell]:
     verdict = default_verdict(curve)
-    near = [v for name, v in zip(curve.universes, curve.verdicts, strict=True) if name in nearest]
+    near = [curve.verdict_in(name) for name in nearest]
     unit = f" {curve.unit}" if curve.unit else ""
     return [
         f"{figure(test.median)}{unit}",

@@ -1,5 +1,6 @@
 """What Hydra's callbacks that pass on stored runs have in common."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,19 +13,19 @@ from infoplan.output import complain
 from infoplan.wording import counted, harmless
 
 
-class Tracker(Callback):
+class Tracker(Callback, ABC):
     """Passes on the runs of a command when all is stored."""
 
     name = ""
     """Of the tracker."""
 
+    @abstractmethod
     def place(self, results_dir: Path) -> str:
         """Say where runs are passed to."""
-        raise NotImplementedError
 
+    @abstractmethod
     def send(self, results_dir: Path, runs: Sequence[str]) -> int:
         """Pass on what is new of some runs; give the number of missions."""
-        raise NotImplementedError
 
     def on_run_end(self, config: Any, **kwargs: Any) -> None:
         """Pass on what a command without ``-m`` has run."""

@@ -114,6 +114,11 @@ class Universe:
     name: str
     levels: Mapping[str, str]
 
+    @property
+    def changed(self) -> list[str]:
+        """Choices of which it has another level than the default."""
+        return [one.name for one in CHOICES if self.levels[one.name] != one.default]
+
     def options(self, method: str) -> dict[str, str]:
         """Options of a method in this universe that are not the defaults, as they are typed."""
         options: dict[str, str] = {}
