@@ -14,6 +14,7 @@ from infoplan.analyse.judging import SEEDS_NEEDED
 from infoplan.analyse.tables import find_missions
 from infoplan.draw.console import say, say_command, wide_console
 from infoplan.files import writing
+from infoplan.study.store import prepare
 from infoplan.text_options import as_command, as_override
 from infoplan.wording import counted
 
@@ -74,11 +75,11 @@ def demo(
     Raises
     ------
     UsageError, RunError
-        As the commands; RunError if the folder cannot be written.
+        As the commands; UsageError if the folder cannot be written.
     """
     console = wide_console()
+    prepare(results_dir)
     with writing(results_dir / LOG):
-        results_dir.mkdir(parents=True, exist_ok=True)
         (results_dir / LOG).write_bytes((files("infoplan.survey") / LOG).read_bytes())
     for number, step in enumerate(tour(results_dir, budget, seeds, backend), 1):
         say(console, "")

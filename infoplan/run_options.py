@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -32,6 +32,8 @@ OF_OWN = re.compile(r"(planner|detector|model|fault|terrain)\.(options|params)\.
 NOT_STORED = ("terrain.path", "terrain.member", "terrain.on_missing")
 """Where a map came from is not stored, so no run can be chosen by it."""
 
+NOT_OF_SURVEYS = ("best",)
+"""Choices that need the true labels, which nobody has of a survey."""
 
 PATHS = ("results_dir", "scheduler", "terrain.path")
 """Options that are paths."""
@@ -127,12 +129,12 @@ def of_choice(group: str, choice: str) -> list[Setting]:
     ]
 
 
-def group_settings(groups: Iterable[str] = GROUPS) -> list[Setting]:
-    """Declare the groups themselves: ``planner=`` and so on."""
+def group_settings(groups: Iterable[str] = GROUPS, without: Container[str] = ()) -> list[Setting]:
+    """Declare the groups themselves, ``planner=`` and so on, some of their choices left out."""
     default = Config()
     return [
-        Setting(group, click.Choice([*GROUPS[group]]), f"which {group}",
-                default=getattr(default, group).name)
+        Setting(group, click.Choice([name for name in GROUPS[group] if name not in without]),
+                f"which {group}", default=getattr(default, group).name)
         for group in groups
     ]  # fmt: skip
 
@@ -192,9 +194,9 @@ def leaderboard_settings(given: Mapping[str, Any]) -> list[Setting]:
     return list(settings.values())
 
 
-def replay_settings(given: Mapping[str, Any]) -> list[Setting]:
-    """Declare what a replay may change."""
-    settings = group_settings(REPLAY_GROUPS)
+def replay_settings(given: Mapping[str, Any], without: Container[str] = ()) -> list[Setting]:
+    """Declare what a replay may change, some choices left out."""
+    settings = group_settings(REPLAY_GROUPS, without)
     for group in REPLAY_GROUPS:
         known: dict[str, Setting] = {}
         listed = [given[group]] if given.get(group) in GROUPS[group] else [*GROUPS[group]]
@@ -210,7 +212,8 @@ def replay_settings(given: Mapping[str, Any]) -> list[Setting]:
 def survey_settings(given: Mapping[str, Any]) -> list[Setting]:
     """Declare what a survey may choose: what a replay may, and the map's nodes."""
     kept = (*SURVEY_OPTIONS, *SURVEY_HOW)
-    settings = [one for one in replay_settings(given) if one.word not in REPLAY_HOW]
+    replayed = replay_settings(given, NOT_OF_SURVEYS)
+    settings = [one for one in replayed if one.word not in REPLAY_HOW]
     return settings + [setting for setting in root_settings() if setting.word in kept]
 
 
@@ -287,7 +290,8 @@ def write_survey_page(formatter: click.HelpFormatter, given: Mapping[str, Any]) 
     """Write what a survey may choose."""
     with formatter.section("Choices; without them gp_residual, scope historical, and vecchia"):
         for group in REPLAY_GROUPS:
-            _write_choice(formatter, group, [*GROUPS[group]])
+            names = [name for name in GROUPS[group] if name not in NOT_OF_SURVEYS]
+            _write_choice(formatter, group, names)
     others = [one for one in survey_settings({}) if one.word.partition(".")[0] not in REPLAY_GROUPS]
     _write_settings(formatter, "Further options", others)
     with formatter.section("Options of detectors and models"):

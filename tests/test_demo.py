@@ -124,10 +124,10 @@ def test_without_a_screen_or_a_browser_the_path_is_told(toured, monkeypatch, cap
 
 def test_a_folder_that_cannot_be_written_is_told_in_a_sentence(tmp_path, capfd):
     (tmp_path / "file").write_text("")
-    assert main(["demo", f"results_dir={tmp_path / 'file'}"]) == 1
+    assert main(["demo", f"results_dir={tmp_path / 'file'}"]) == 2
     said = capfd.readouterr()
     assert len(said.err.splitlines()) == 1
-    assert "harbour.csv could not be written" in said.err
+    assert "cannot be written (Not a directory)" in said.err
     assert "name another results_dir" in said.err
     assert said.out == ""
 

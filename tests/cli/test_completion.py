@@ -38,6 +38,8 @@ LINES = {
     "infoplan run terrain=file terrain.path=maps/hi": {"terrain.path=maps/hills.npy"},
     "infoplan run terrain=file terrain.path=ma": {"terrain.path=maps/"},
     "infoplan animate format=m": {"format=mp4"},
+    "infoplan replay x detector=b": {"detector=best"},
+    "infoplan survey log.csv detector=b": set(),
     "infoplan next puct": {RUNS[0]},
     "infoplan next x planner=l": {"planner=lawnmower"},
     "infoplan next x turn": {"turning_radius="},

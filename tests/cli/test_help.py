@@ -287,3 +287,10 @@ def test_a_terminal_of_few_letters_gets_escapes(tmp_path):
 
 def test_the_declared_figures_are_those_that_are_drawn():
     assert FIGURES == NAMES
+
+
+def test_a_survey_is_not_offered_the_detector_that_needs_true_labels(capfd):
+    assert main(["survey", "--help"]) == 0
+    said = capfd.readouterr().out
+    assert "detector=none|copod" in said
+    assert "best" not in said
