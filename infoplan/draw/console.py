@@ -17,6 +17,9 @@ UNLIMITED = 100_000
 INDENT = "  "
 """Of the fields of a stacked row."""
 
+WORD = re.compile(r" *(?:[^ ]*\d (?=(?:s|min|h|m|ft|kB|MB|GB)\b))?[^ ]+")
+"""What no line is broken in: a word, or a number with its unit."""
+
 
 class PlainConsole(Console):
     """A console that prints text of any origin as it is: no markup, no control characters."""
@@ -92,7 +95,7 @@ def say_command(console: Console, before: str, command: str) -> None:
 
 
 def wrapped(text: str, width: int, indent: str = "") -> list[str]:
-    """Break a text between words; a word that is longer than the width stays whole.
+    """Break a text between words; one longer than the width, and a number and its unit, stay whole.
 
     Parameters
     ----------
@@ -104,7 +107,7 @@ def wrapped(text: str, width: int, indent: str = "") -> list[str]:
         Before all lines but the first.
     """
     lines, line = [], ""
-    for word in re.findall(r" *[^ ]+", text):
+    for word in WORD.findall(text):
         if line.strip() and cell_len(line + word) > width:
             lines.append(line)
             line, word = indent, word.lstrip()

@@ -22,7 +22,7 @@ from rich.cells import cell_len
 from infoplan.analyse import find_missions
 from infoplan.cli import main
 from infoplan.config import Config, DetectorConfig, FileConfig
-from infoplan.draw.console import wide_console
+from infoplan.draw.console import wide_console, wrapped
 from infoplan.draw.progress import listener
 from infoplan.draw.study_tables import print_plan, print_summary
 from infoplan.study.runner import plan_study, run_study
@@ -260,3 +260,13 @@ def test_labels_of_any_text_do_nothing(hostile, command, capfd, monkeypatch):
         assert "\x1b" not in page
         assert "<script" not in page
         HTMLParser().feed(page)
+
+
+@pytest.mark.parametrize("width", range(12, 40))
+def test_no_line_parts_a_number_from_its_unit(width):
+    text = "4 missions computed, 0 kept in 3.0 s; 12 seeds, 250 ft and 1.5 GB of memory"
+    lines = wrapped(text, width)
+    assert " ".join(lines) == text
+    assert all(len(line) <= width for line in lines)
+    whole = [piece for line in lines for piece in ("3.0 s;", "250 ft", "1.5 GB") if piece in line]
+    assert whole == ["3.0 s;", "250 ft", "1.5 GB"]
