@@ -228,7 +228,6 @@ def test_a_model_that_weighs_its_samples_itself_is_refused(tmp_path, capfd):
     )
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("model", ["vecchia", "student_t"])
 def test_other_models_are_refit_by_their_own_likelihood(tmp_path, model):
     words = [f"model={model}", "seeds=1", "budget=130"]

@@ -304,18 +304,23 @@ class Regression:
             values.append(self._value(self._theta))
         best = int(np.argmax(values))
         self.recall(vars(hyperparameters_of(self._kernel, ends[best])))
-        slope = steepest(self._value_and_gradient(self._theta)[1], self._theta, self._bounds)
+        if self._slope() > _FLAT:  # the last climb has changed what is maximised
+            self._climb()
+        gain, slope = self._value(self._theta) - before, self._slope()
         agreeing = sum(value > values[best] - _LEVEL for value in values)
-        return Refit(values[best] - before, slope, slope <= _FLAT, agreeing, len(begun))
+        return Refit(gain, slope, slope <= _FLAT, agreeing, len(begun))
 
     def _climb(self) -> None:
         """Climb to the top; again, where taking the end changes what is maximised."""
         for _ in range(_ROUNDS):
             self._theta = maximise(self._value_and_gradient, self._theta, self._bounds)
-            value = self._value(self._theta)
             self.recall(vars(self.hyperparameters))
-            if abs(self._value(self._theta) - value) < _LEVEL:
+            if self._slope() <= _FLAT:
                 return
+
+    def _slope(self) -> float:
+        """Give the largest derivative along which what is maximised may still rise."""
+        return steepest(self._value_and_gradient(self._theta)[1], self._theta, self._bounds)
 
     def _value_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
         """Evaluate what is maximised."""

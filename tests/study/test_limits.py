@@ -230,4 +230,5 @@ estimate, after = fly(*([] if "planner=puct" in wanted else ["planner.actions=60
 print(estimate / (1024 * (after - before)))
 """
     done = subprocess.run([sys.executable, "-c", code, *options], capture_output=True, text=True)
-    assert 0.4 < float(done.stdout) < 1.6, done.stdout + done.stderr
+    assert done.returncode == 0, done.stderr
+    assert 0.4 < float(done.stdout) < 1.6
