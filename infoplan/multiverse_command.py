@@ -10,11 +10,9 @@ import pandas as pd
 from rich.console import Console
 
 from infoplan.analyse.claims import TEXTS
-from infoplan.analyse.multiverse import (
-    claim_curves,
-    nearest_tenth,
-)
-from infoplan.analyse.universe_numbers import Multiverse, collect, read, write
+from infoplan.analyse.multiverse import claim_curves, nearest_tenth
+from infoplan.analyse.tables import LABELS
+from infoplan.analyse.universe_numbers import OPTIONS, Multiverse, collect, read, write
 from infoplan.draw.latex import LatexConsole
 from infoplan.draw.multiverse_markdown import markdown
 from infoplan.draw.multiverse_page import write_multiverse_page
@@ -23,13 +21,18 @@ from infoplan.draw.multiverse_table import (
     chosen,
     print_claim,
     print_multiverse,
+    print_unflown,
     print_universe,
 )
 from infoplan.draw.specification_curves import draw_claim, draw_effects, draw_overview
 from infoplan.errors import UsageError
+from infoplan.study.store import list_missions
 from infoplan.study.universes import CHOICES, Universe, universes
 from infoplan.text_options import as_override
 from infoplan.wording import counted, suggest
+
+PARTING = {*LABELS, *OPTIONS} - {"terrain", "budget"}
+"""Filters that leave some of a universe's missions out, or some universes."""
 
 
 def list_universes() -> int:
@@ -73,25 +76,32 @@ def multiverse(
     if (as_json or as_markdown) and (universe or claim):
         flag = "--json" if as_json else "--markdown"
         raise UsageError(f"{flag} is of all claims and universes: leave universe= and claim= out")
+    if universe and claim:
+        raise UsageError("universe= and claim= are told one at a time: leave one of them out")
+    given = [name for name, value in filters.items() if value is not None]
+    if table and given:
+        raise UsageError(
+            f"{given[0]}= chooses among stored runs, and table= holds numbers of all: leave one of "
+            "them out"
+        )
     one = None if universe is None else _named(universe)
     if claim is not None and claim.upper() not in TEXTS:
         raise UsageError(f"there is no claim {claim}: it is one of {', '.join(TEXTS)}")
-    if table is None:
-        numbers = collect(results_dir, _tell, **filters)
-        table = results_dir / "multiverse.parquet"
-        write(numbers, table)
-        _tell(f"numbers of {counted(len(numbers.universes), 'universe')}: {table}")
-    else:
-        numbers = read(table)
+    if one and not table and not list_missions(results_dir):
+        print_unflown(one, f"results_dir={results_dir} holds no mission", _commands(one), console)
+        return 0
+    numbers = read(table) if table else _collect(results_dir, filters)
     folder = results_dir / "figures"
     files: list[Path] = []
-    if one is not None:
-        _demand(one, numbers, table)
+    if one and one.name not in numbers.numbers:
+        told = f"it is not among {counted(len(numbers.universes), 'universe')} that were flown"
+        print_unflown(one, told, _commands(one, numbers), console)
+    elif one:
         print_universe(numbers, one, _commands(one, numbers), console)
     elif claim is not None:
         curves = claim_curves(numbers, [claim.upper()])
         if not curves:
-            raise UsageError(f"no universe of {table} has the runs of {claim.upper()}")
+            raise UsageError(f"no universe has the runs of {claim.upper()}")
         curve = curves[0]
         moved = what_moves(curve, numbers)
         print_claim(numbers, curve, moved.alone, moved.jointly, moved.pairs, moved.rules,
@@ -134,13 +144,18 @@ def by_choice(moves: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:
     return laid_out.dropna(axis=1, how="all")
 
 
-def _demand(universe: Universe, numbers: Multiverse, table: Path) -> None:
-    if universe.name not in numbers.numbers:
-        raise UsageError(
-            f"universe {universe.name} is not in {table}: fly it with "
-            f"{_commands(universe, numbers)[0]} and so on, as infoplan run -m "
-            "experiment=multiverse does"
-        )
+def _collect(results_dir: Path, filters: Mapping[str, Any]) -> Multiverse:
+    """Work out the numbers of what is stored, and write them unless they are of a part."""
+    numbers = collect(results_dir, _tell, **filters)
+    told = f"numbers of {counted(len(numbers.universes), 'universe')}"
+    parted = [name for name in filters if name in PARTING and filters[name] is not None]
+    if parted:
+        _tell(f"{told}, not written as {parted[0]}= leaves out parts of them")
+        return numbers
+    table = results_dir / "multiverse.parquet"
+    write(numbers, table)
+    _tell(f"{told}: {table}")
+    return numbers
 
 
 def _named(text: str) -> Universe:
@@ -153,11 +168,13 @@ def _named(text: str) -> Universe:
     return names[text]
 
 
-def _commands(universe: Universe, numbers: Multiverse) -> list[str]:
-    """Commands that fly a universe as those of the others were flown."""
-    common = [as_override("terrain", numbers.terrain), as_override("budget", numbers.budget),
-              as_override("model", numbers.model), as_override("seeds", _seeds(numbers)),
-              ]  # fmt: skip
+def _commands(universe: Universe, numbers: Multiverse | None = None) -> list[str]:
+    """Commands that fly a universe, as those of the others were flown if some were."""
+    common = ["seeds=6"]
+    if numbers:
+        common = [as_override("terrain", numbers.terrain), as_override("budget", numbers.budget),
+                  as_override("model", numbers.model), as_override("seeds", _seeds(numbers)),
+                  ]  # fmt: skip
     return [" ".join(["infoplan run -m", line, *common]) for line in universe.lines()]
 
 

@@ -76,7 +76,7 @@ def _sweep(path: Path) -> str:
     """
     head, _, _ = path.read_text(encoding="utf-8").partition("\nsweep:\n")
     default, *others = universes()
-    cheap_first = sorted(others, key=lambda one: (one.name.startswith("joint"), _steps(one)))
+    cheap_first = sorted(others, key=lambda one: (one.is_joint, _steps(one)))
     entries = [
         f"  # {universe.name}\n" + "".join(f"  - {line}\n" for line in universe.lines())
         for universe in (default, *cheap_first)

@@ -14,6 +14,7 @@ import yaml
 from rich.console import Console
 from universes import by_choice, made_up
 
+import infoplan
 from infoplan.analyse import find_study, judge_claims, load_curves
 from infoplan.analyse.claims import COMPARISONS
 from infoplan.analyse.judging import Rules
@@ -165,6 +166,64 @@ def test_a_universe_tells_the_commands_that_fly_it(flown, capsys):
     assert len(re.findall(r"^\\textbf\{C\d+\} & ", out, re.MULTILINE)) == len(COMPARISONS)
 
 
+def test_a_universe_that_was_not_flown_tells_them_too(flown, tmp_path, capsys):
+    universe = universes()[-1]
+    for folder, own in ((tmp_path / "none", "seeds=6"), (flown, "budget=200")):
+        assert main(["multiverse", f"universe={universe.name}", f"results_dir={folder}"]) == 0
+        out = re.sub(r"\\\n\s*", "", capsys.readouterr().out)
+        assert "no numbers: " in out
+        lines = [line.split("infoplan ", 1)[1] for line in out.splitlines() if " run -m" in line]
+        wanted = list(universe.lines())
+        assert len(lines) == len(wanted)
+        for line, words in zip(lines, wanted, strict=True):
+            assert set(words.split()) <= set(line.replace("'", "").split())
+            assert own in line.split()
+
+
+def test_what_would_be_ignored_is_refused(flown, tmp_path, capsys):
+    table = tmp_path / "numbers.parquet"
+    write(made_up(by_choice, there=universes()[:2]), table)
+    assert main(["multiverse", f"table={table}", "rho=0.1"]) == 2
+    assert "rho= chooses among stored runs" in capsys.readouterr().err
+    assert main(["multiverse", f"table={table}", "claim=C2", "universe=default"]) == 2
+    assert "one at a time" in capsys.readouterr().err
+    whole = flown / "multiverse.parquet"
+    assert main(["multiverse", "model=gp", f"results_dir={flown}"]) == 0
+    before = whole.read_bytes()
+    assert main(["multiverse", "scope=batch", "claim=C2", f"results_dir={flown}"]) == 0
+    assert whole.read_bytes() == before
+    assert "not written as scope= leaves out" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_historical_run_that_is_missing_is_no_batch_run(numbers):
+    missions = numbers.missions
+    gone = (missions["method"] == "PUCT-COPOD") & (missions["scope"] == "historical")
+    less = replace(numbers, missions=missions[~gone])
+    assert less.numbers[FLOOR].numbers("final", "PUCT-COPOD", 0.1, "historical") is None
+    assert less.numbers[FLOOR].numbers("final", "UCT-NONE", 0.1, "historical") is not None
+    assert claim_curves(numbers, ["C7"])
+    assert not claim_curves(less, ["C7"])
+
+
+@pytest.mark.parametrize(
+    ("learning", "choice", "level"),
+    [("lbfgs 5", "learning rate", "0.03"), ("frozen", "noise", "restarted"),
+     ("frozen", "optimiser's state", "reset")],
+)  # fmt: skip
+def test_what_is_without_use_makes_no_difference(learning, choice, level):
+    default = {one.name: one.default for one in CHOICES} | {"learning": learning}
+    made = []
+    for levels in (default, {**default, choice: level}):
+        universe = Universe("made up", levels)
+        changed = [one for one in universe.changed if one != "learning"]
+        assert universe.idle == changed
+        words = [f"{name}={value}" for one in CHOICES
+                 for name, value in one.levels[levels[one.name]].items()]  # fmt: skip
+        config = compose(["planner=uct", "detector=none", *SMALL, *words])
+        made.append(infoplan.fly(config).curves["rmse"])
+    np.testing.assert_array_equal(*made)
+
+
 def test_scripts_are_told_how_claims_fare(tmp_path, capsys):
     table = tmp_path / "numbers.parquet"
     made = made_up(by_choice, there=universes()[:4])
@@ -178,6 +237,9 @@ def test_scripts_are_told_how_claims_fare(tmp_path, capsys):
     assert [point["mean"] for point in points] == pytest.approx(curve.means, rel=1e-3)
     assert told["claims"][6]["test"]["one_side"] == 1.0
     assert list(told["universes"]) == list(curve.universes)
+    far = told["distances_to_the_clip"]
+    assert {one["universe"] for one in far} == set(curve.universes)
+    assert [one["mean"] for one in far] == sorted(one["mean"] for one in far)
     assert not (tmp_path / "multiverse.html").exists()
     assert main(["multiverse", "--json", "claim=C7", f"table={table}"]) == 2
     assert "leave universe= and claim= out" in capsys.readouterr().err
@@ -220,8 +282,6 @@ def test_documents_are_told_what_every_level_does(tmp_path, capsys):
 def test_what_is_not_there_is_told(flown, tmp_path, capsys):
     assert main(["multiverse", "universe=nosie: floor 1"]) == 2
     assert "did you mean 'noise: floor 1'?" in capsys.readouterr().err
-    assert main(["multiverse", f"universe={universes()[1].name}", f"results_dir={flown}"]) == 2
-    assert "fly it with" in capsys.readouterr().err
     broken = tmp_path / "other.parquet"
     pd.DataFrame({"a": [1]}).to_parquet(broken)
     assert main(["multiverse", f"table={broken}"]) == 2

@@ -104,10 +104,6 @@ class ClaimCurve:
         """Verdict in one universe; empty if that lacks the runs."""
         return self.verdicts[self.universes.index(universe)] if universe in self.universes else ""
 
-    def share(self, verdict: str) -> float:
-        """Share of the universes with a verdict."""
-        return self.verdicts.count(verdict) / len(self.verdicts)
-
 
 @dataclass(frozen=True)
 class JointTest:
@@ -268,7 +264,9 @@ def effects_alone(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
 def effects_jointly(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
     """How much every level moves a claim's effect, whatever the other choices are.
 
-    Ordinary least squares of the universes' mean effects on the levels, over all universes.
+    Ordinary least squares of the universes' mean effects on the levels, over the joint universes:
+    there the levels of a choice are equally frequent among those of the others, and what single
+    choices do to the defaults is not spread over them.
 
     Returns
     -------
@@ -278,15 +276,15 @@ def effects_jointly(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
         variance that only it explains, with ``p`` of its F test, adjusted by Holm. Empty where
         there are too few universes.
     """
-    there = [one for one in multiverse.universes if one.name in curve.universes]
+    there, means = _joint_means(curve, multiverse)
     design, named = _design(there)
     if len(there) <= design.shape[1]:
         return pd.DataFrame(columns=["choice", "level", "mean", "low", "high", "share", "p"])
-    fitted = _least_squares(design, curve.means)
-    rows, total = [], float(np.sum((curve.means - curve.means.mean()) ** 2))
+    fitted = _least_squares(design, means)
+    rows, total = [], float(np.sum((means - means.mean()) ** 2))
     for choice, level, column in named:
         others = [c for other, _, c in named if other != choice]
-        without = _least_squares(design[:, [0, *others]], curve.means)
+        without = _least_squares(design[:, [0, *others]], means)
         levels = design.shape[1] - 1 - len(others)
         rows.append(
             {"choice": choice, "level": level, **fitted.coefficient(column),
@@ -313,13 +311,15 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
         combination that it moves most: ``levels``, mean, low, high. Sorted by p.
     """
     main = effects_jointly(curve, multiverse)
-    there = [one for one in multiverse.universes if one.name in curve.universes]
-    design, named = _design(there)
     columns = ["first", "second", "share", "p", "levels", "mean", "low", "high"]
+    if main.empty:
+        return pd.DataFrame(columns=columns)
+    there, means = _joint_means(curve, multiverse)
+    design, named = _design(there)
     ranked = main.drop_duplicates("choice").sort_values("share", ascending=False)["choice"]
-    base = _least_squares(design, curve.means) if len(main) else None
-    total, rows = float(np.sum((curve.means - curve.means.mean()) ** 2)), []
-    for first, second in combinations(ranked.head(most), 2) if base else ():
+    base = _least_squares(design, means)
+    total, rows = float(np.sum((means - means.mean()) ** 2)), []
+    for first, second in combinations(ranked.head(most), 2):
         crossed = [
             (f"{a} x {b}", design[:, i] * design[:, j])
             for (one, a, i), (two, b, j) in product(named, named)
@@ -328,7 +328,7 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
         # A combination that no universe has, or that others make up, tells nothing.
         wide = np.column_stack([design, *(product_ for _, product_ in crossed)])
         kept = _independent(wide, design.shape[1])
-        fitted = _least_squares(wide[:, kept], curve.means)
+        fitted = _least_squares(wide[:, kept], means)
         added = kept[design.shape[1] :]
         if not added or fitted.freedom < 1:
             continue
@@ -337,7 +337,7 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
             for place, column in enumerate(added)
         ]
         label, largest = max(moved, key=lambda one: abs(one[1]["mean"]))
-        gained = base.squares - fitted.squares if base else np.nan
+        gained = base.squares - fitted.squares
         rows.append(
             {"first": first, "second": second, "share": gained / total if total else np.nan,
              "p": _f_test(gained, len(added), fitted), "levels": label, **largest}
@@ -364,6 +364,8 @@ def errors_by_universe(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
     there = [one.name for one in multiverse.universes]
     return ends.reindex(columns=list(METHODS)).assign(collapsed=collapsed).reindex(there)
 
+
+_CONCERNED = {choice.name: choice.methods for choice in CHOICES}
 
 PAIRS = (("UCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-COPOD"))
 """Methods whose order `orders_by_collapse` tells."""
@@ -399,26 +401,30 @@ def orders_by_collapse(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
 def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
     """How much every level moves each method's end, whatever the other choices are.
 
-    Ordinary least squares of the columns of `errors_by_universe` on the levels, over all universes
-    in which all four methods were flown.
+    Ordinary least squares of a method's mean final RMSE, scope batch, on the levels of the choices
+    that concern it, over the joint universes in which all four methods were flown.
 
     Returns
     -------
     DataFrame
-        A row a level other than the default and column: choice, level, column; mean, low, high of
+        A row a level other than the default and method: choice, level, method; mean, low, high of
         the coefficient, with 95 % t intervals. Empty where there are too few universes.
     """
     ends = errors_by_universe(multiverse, rho).dropna()
-    there = [one for one in multiverse.universes if one.name in ends.index]
-    design, named = _design(there)
-    if len(there) <= design.shape[1]:
-        return pd.DataFrame(columns=["choice", "level", "column", "mean", "low", "high"])
-    fits = {column: _least_squares(design, ends[column].to_numpy(float)) for column in ends}
-    return pd.DataFrame(
-        {"choice": choice, "level": level, "column": column, **fit.coefficient(place)}
-        for choice, level, place in named
-        for column, fit in fits.items()
-    )
+    there = [one for one in multiverse.universes if one.is_joint and one.name in ends.index]
+    whole, named = _design(there)
+    rows = []
+    for method in METHODS if len(there) > whole.shape[1] else ():
+        mine = [name for name in named if method in _CONCERNED[name[0]]]
+        fitted = _least_squares(
+            whole[:, [0, *(column for *_, column in mine)]],
+            ends.loc[[one.name for one in there], method].to_numpy(float),
+        )
+        rows += [
+            {"choice": choice, "level": level, "method": method, **fitted.coefficient(place)}
+            for place, (choice, level, _) in enumerate(mine, start=1)
+        ]
+    return pd.DataFrame(rows, columns=["choice", "level", "method", "mean", "low", "high"])
 
 
 def joint_test(curve: ClaimCurve) -> JointTest:
@@ -502,12 +508,22 @@ class _Fit:
         return {"mean": mean, "low": mean - half, "high": mean + half}
 
 
+def _joint_means(curve: ClaimCurve, multiverse: Multiverse) -> tuple[list[Universe], Floats]:
+    """Give the joint universes in which a claim is judged, and its mean effects there."""
+    there = [one for one in multiverse.universes if one.is_joint and one.name in curve.universes]
+    return there, curve.means[[curve.universes.index(one.name) for one in there]]
+
+
 def _design(universes: Sequence[Universe]) -> tuple[Floats, list[tuple[str, str, int]]]:
-    """Make a column of ones and one for each level that is not the default and that occurs."""
+    """Make a column of ones and one for each level that is not the default and that occurs.
+
+    A level that makes no difference in a universe is its default there.
+    """
     columns, named = [np.ones(len(universes))], []
     for choice in CHOICES:
         for level in list(choice.levels)[1:]:
-            has = np.array([one.levels[choice.name] == level for one in universes], dtype=float)
+            has = np.array([one.levels[choice.name] == level and choice.name not in one.idle
+                            for one in universes], dtype=float)  # fmt: skip
             if 0 < has.sum() < len(universes):
                 named.append((choice.name, level, len(columns)))
                 columns.append(has)

@@ -22,7 +22,7 @@ from infoplan.analyse.measures import MEASURES, Measures
 from infoplan.analyse.tables import Selection, find_missions, study_of
 from infoplan.errors import UsageError
 from infoplan.files import writing
-from infoplan.study.universes import CHOICES, METHODS, Universe, universes
+from infoplan.study.universes import CHOICES, FILTERED, METHODS, Universe, universes
 
 SUMMED = ("final", "early", "late", "rise", "precision")
 """Numbers out of a mission's curve; the others take its samples and maps."""
@@ -117,8 +117,9 @@ class OfUniverse:
     def numbers(self, name: str, method: str, rho: float, scope: str) -> "pd.Series[float] | None":
         """Give one number a seed; None if there is no such run."""
         found = self.runs.get((method, rho, scope))
-        # None and best are the same missions under both scopes, and stored under one.
-        found = self.runs.get((method, rho, "batch")) if found is None else found
+        if found is None and method not in FILTERED:
+            # None and best are the same missions under both scopes, and stored under one.
+            found = self.runs.get((method, rho, "batch"))
         column = early_column(self.rules.early) if name == "early" else name
         return None if found is None else found[column]
 

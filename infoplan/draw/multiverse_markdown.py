@@ -7,6 +7,7 @@ import pandas as pd
 
 from infoplan.analyse.multiverse import (
     PAIRS,
+    RULES,
     VERDICTS,
     ClaimCurve,
     errors_by_universe,
@@ -22,6 +23,9 @@ from infoplan.wording import figure, interval, markdown_cell
 
 RHO = 0.1
 """Share of outliers whose errors are told."""
+
+STANDS = 0.05
+"""P up to which a pair of choices is told."""
 
 
 def markdown(
@@ -43,7 +47,12 @@ def markdown(
         f"The defaults, and every level alone: mean {ends}; share of collapsed missions, those of "
         "UCT-BEST left out; claims.": _alone(multiverse, curves),
         f"What a level adds to the {ends}, whatever the other choices are, with 95 % intervals: "
-        "least squares over all universes.": _jointly(multiverse),
+        "least squares over the joint universes.": _jointly(multiverse),
+        "The claims by other readings of what is negligible and early, which no mission depends "
+        f"on: in how many universes they are {', '.join(VERDICTS)}.": _by_rules(moved),
+        "Pairs of choices that do to a claim's comparison what neither does alone, of the five "
+        "choices that explain most, p by Holm: part of the variance beyond the main effects, and "
+        "the combination that it moves most.": _pairs(moved),
         "The tenth of the universes that comes nearest to the authors' clip: distance, the root "
         "mean square of the logarithm of the ratio of the two RMSE, with its 95 % interval, and "
         f"the run that comes so near; {ends}.": _near(multiverse, curves, nearest),
@@ -68,7 +77,7 @@ def _claims(
         ])  # fmt: skip
     names = ["", "claim", *VERDICTS, "by default", "supported near the clip",
              "binding comparison, median effect", "joint p",
-             "variance that only this choice explains"]  # fmt: skip
+             "variance over joint universes that only this choice explains"]  # fmt: skip
     return _table(names, rows)
 
 
@@ -99,17 +108,36 @@ def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
 
 def _jointly(multiverse: Multiverse) -> str:
     """Give each level a row: what it adds to each method's error, whatever the others are."""
-    found: Any = errors_jointly(multiverse, RHO)
-    concerned = {one.name: one.methods for one in CHOICES}
+    told = {
+        (row["choice"], row["level"], row["method"]): interval(row["mean"], row["low"], row["high"])
+        for row in errors_jointly(multiverse, RHO).to_dict("records")
+    }
+    levels = [(choice.name, level) for choice in CHOICES for level in choice.levels]
+    rows = [[*level, *(told.get((*level, method), "") for method in METHODS)] for level in levels]
+    return _table(["choice", "level", *METHODS], [row for row in rows if any(row[2:])])
+
+
+def _by_rules(moved: Mapping[str, Moved]) -> str:
+    """Give each claim a row: its verdicts under each rule that needs no mission."""
     rows = []
-    for (choice, level), effects in found.groupby(["choice", "level"], sort=False):
-        of = effects.set_index("column")
-        # What a choice cannot change has no effect but that of universes that happen to have it.
-        told = [interval(*of.loc[method, ["mean", "low", "high"]]) if method in concerned[choice]
-                else "" for method in METHODS]  # fmt: skip
-        share = 100.0 * of.loc["collapsed", ["mean", "low", "high"]]
-        rows.append([choice, level, *told, f"{interval(*share)} %"])
-    return _table(["choice", "level", *METHODS, "collapsed"], rows)
+    for name, found in moved.items():
+        of = {(rule["choice"], rule["level"]): rule for rule in found.rules.to_dict("records")}
+        told = [of.get((choice, level)) for choice, levels in RULES.items() for level in levels]
+        rows.append([name, *(", ".join(str(rule[one]) for one in VERDICTS) if rule else ""
+                             for rule in told)])  # fmt: skip
+    names = [f"{choice} {level}" for choice, levels in RULES.items() for level in levels]
+    return _table(["", *names], rows)
+
+
+def _pairs(moved: Mapping[str, Moved]) -> str:
+    """Give each pair of choices that stands a row: which combination does what."""
+    rows = [
+        [name, f"{pair['first']} and {pair['second']}", f"{100 * pair['share']:.0f} %",
+         figure(pair["p"]), pair["levels"], interval(pair["mean"], pair["low"], pair["high"])]
+        for name, found in moved.items()
+        for pair in found.pairs.to_dict("records") if pair["p"] <= STANDS
+    ]  # fmt: skip
+    return _table(["", "pair", "share", "p", "combination", "does beyond both alone"], rows)
 
 
 def _near(multiverse: Multiverse, curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> str:

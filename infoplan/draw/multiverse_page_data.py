@@ -16,6 +16,7 @@ from infoplan.analyse.multiverse import (
     effects_jointly,
     effects_of_rules,
     joint_test,
+    nearness,
     pairs_of_choices,
 )
 from infoplan.analyse.statistics import mean_band
@@ -111,6 +112,7 @@ def summary_data(
         "model": multiverse.model,
         "seeds": sorted(int(seed) for seed in multiverse.missions["seed"].unique()),
         "nearest_to_the_clip": list(nearest),
+        "distances_to_the_clip": _rows(nearness(multiverse)),
         "universes": {one.name: dict(one.levels) for one in multiverse.universes},
         "claims": [_claim(curve, moved[curve.name], multiverse) for curve in curves],
     }

@@ -49,10 +49,10 @@ def print_multiverse(
         told = moved_by(moves.get(curve.name)) or "nothing that stands out"
         say(console, f"{curve.name} {curve.text}. {curve.what}; moved by {told}", indent="    ")
     say(console, "effect: of the comparison that binds, named above; moved by: the part of the "
-                 "variance over universes that only this choice explains, with * where p is below "
-                 "0.05 after Holm's correction over choices; near the clip: supported in so many "
-                 f"of the {len(nearest)} universes that come nearest to the authors' clip; joint "
-                 "p: that the effect's median over universes is chance, by sign flips of the "
+                 "variance over joint universes that only this choice explains, with * where p is "
+                 "below 0.05 after Holm's correction over choices; near the clip: supported in so "
+                 f"many of the {len(nearest)} universes that come nearest to the authors' clip; "
+                 "joint p: that the effect's median over universes is chance, by sign flips of the "
                  "seeds")  # fmt: skip
 
 
@@ -110,8 +110,8 @@ def print_claim(
         told = f"{named}, p {figure(pair['p'])}; {pair['levels']}: {_moved(pair)}"
         say(console, told, indent="    ")
     say(console, "alone: against the defaults, paired by seed; jointly: whatever the other choices "
-                 "are, by least squares over all universes; share: of the variance over universes "
-                 "that only this choice explains, p of its F test by Holm; pairs: what both "
+                 "are, by least squares over the joint universes; share: of the variance over "
+                 "these that only this choice explains, p of its F test by Holm; pairs: what both "
                  "together do beyond both alone; margin and early samples are no missions' "
                  "choices: the claim is judged anew in all universes")  # fmt: skip
 
@@ -155,9 +155,20 @@ def print_universe(
         say_command(console, "fly it again:", command)
 
 
+def print_unflown(universe: Universe, why: str, commands: Sequence[str], console: Console) -> None:
+    """Print what a universe chooses of which there are no numbers, and how to fly it."""
+    say(console, f"universe {universe.name}: {chosen(universe)}")
+    say(console, f"no numbers: {why}")
+    for command in commands:
+        say_command(console, "fly it:", command)
+
+
 def chosen(universe: Universe) -> str:
     """Say what a universe chooses other than the defaults."""
-    changed = [f"{choice} {universe.levels[choice]}" for choice in universe.changed]
+    changed = [
+        f"{choice} {universe.levels[choice]}{' (without use)' if choice in universe.idle else ''}"
+        for choice in universe.changed
+    ]
     return ", ".join(changed) or "all defaults"
 
 

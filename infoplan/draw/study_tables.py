@@ -1,7 +1,5 @@
 """The tables around a study: what would run, and what came out."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -13,7 +11,9 @@ from infoplan.config import Config
 from infoplan.draw.console import say
 from infoplan.draw.table_layout import WHOLE, TextColumn, print_table
 from infoplan.draw.terminal import small_curves, takes_braille
+from infoplan.machine import size
 from infoplan.method_identity import method_of
+from infoplan.mission_cost import WORKER_BYTES, memory_of, seconds_of
 from infoplan.palette import TERMINAL
 from infoplan.study.estimate import duration, kind_of, wall_seconds
 from infoplan.study.identity import Run
@@ -79,7 +79,15 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
     say(console, f"{counted(len(todo), 'mission')} would run, {there} "
         f"{'is' if there == 1 else 'are'} stored in {study.results_dir}")  # fmt: skip
     if todo:
-        say(console, _estimate(study, config, [kind_of(task.run.science) for task in todo]))
+        of_run = {task.run.name: task.run for task in todo}
+        seconds = {name: study.pace.seconds(kind_of(run.science)) for name, run in of_run.items()}
+        by = "by the missions stored"
+        if None in seconds.values():
+            by = "on a slow machine, by their operations: no mission is stored yet to tell better"
+            seconds = {name: seconds_of(run.config) for name, run in of_run.items()}
+        say(console, _time(config, [seconds[task.run.name] or 0.0 for task in todo], by))
+        most = max(memory_of(run.config) for run in of_run.values())
+        say(console, f"a worker takes about {size(WORKER_BYTES + most)} of memory")
 
 
 def label(run: Run) -> str:
@@ -180,19 +188,13 @@ def _cells(
     ]
 
 
-def _estimate(study: Study, config: Config, kinds: list[Any]) -> str:
-    seconds = [study.pace.seconds(kind) for kind in kinds]
-    known = [value for value in seconds if value is not None]
-    if len(known) < len(seconds):
-        return "no mission is stored yet to estimate the time from"
+def _time(config: Config, seconds: list[float], by: str) -> str:
     if config.backend == "dask" and config.scheduler and config.n_jobs < 0:
-        return f"about {duration(sum(known))} of one worker's time, by the missions stored"
+        return f"about {duration(sum(seconds))} of one worker's time, {by}"
     workers = 1 if config.backend == "sequential" else worker_count(config.n_jobs)
-    workers = min(workers, len(known))
-    return (
-        f"about {duration(wall_seconds(known, workers))} with {counted(workers, 'worker')}, "
-        "by the missions stored"
-    )
+    workers = min(workers, len(seconds))
+    wall = duration(wall_seconds(seconds, workers))
+    return f"about {wall} with {counted(workers, 'worker')}, {by}"
 
 
 def _counted(run: Run, curve: StoredCurve, key: str) -> int:

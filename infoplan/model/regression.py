@@ -306,9 +306,9 @@ class Regression:
         self.recall(vars(hyperparameters_of(self._kernel, ends[best])))
         if self._slope() > _FLAT:  # the last climb has changed what is maximised
             self._climb()
-        gain, slope = self._value(self._theta) - before, self._slope()
+        values[best], slope = self._value(self._theta), self._slope()
         agreeing = sum(value > values[best] - _LEVEL for value in values)
-        return Refit(gain, slope, slope <= _FLAT, agreeing, len(begun))
+        return Refit(values[best] - before, slope, slope <= _FLAT, agreeing, len(begun))
 
     def _climb(self) -> None:
         """Climb to the top; again, where taking the end changes what is maximised."""

@@ -22,6 +22,8 @@ DEFAULT = "default"
 JOINT = 72
 """So many joint universes: a multiple of the numbers of levels."""
 
+_JOINT = "joint"
+
 SEED = 0
 """Of the joint design."""
 
@@ -119,6 +121,21 @@ class Universe:
         """Choices of which it has another level than the default."""
         return [one.name for one in CHOICES if self.levels[one.name] != one.default]
 
+    @property
+    def is_joint(self) -> bool:
+        """Whether all choices vary in it at once."""
+        return self.name.startswith(_JOINT)
+
+    @property
+    def idle(self) -> list[str]:
+        """Those of them that make no difference under its way of learning."""
+        learning = self.levels["learning"]
+        idle = ["learning rate"] if learning.startswith("lbfgs") else []
+        if learning == "frozen":
+            idle += ["optimiser's state"]
+            idle += ["noise"] if self.levels["noise"] == "restarted" else []
+        return [name for name in self.changed if name in idle]
+
     def options(self, method: str) -> dict[str, str]:
         """Options of a method in this universe that are not the defaults, as they are typed."""
         options: dict[str, str] = {}
@@ -167,7 +184,7 @@ def joint_universes() -> tuple[Universe, ...]:
         columns[choice.name] = rng.permutation(levels).tolist()
     return tuple(
         Universe(
-            f"joint {number + 1}",
+            f"{_JOINT} {number + 1}",
             MappingProxyType({name: column[number] for name, column in columns.items()}),
         )
         for number in range(JOINT)
