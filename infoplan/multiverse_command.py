@@ -124,9 +124,8 @@ def multiverse(
         page = results_dir / "multiverse.html"
         write_multiverse_page(page, numbers, curves, found, nearest,
                               lambda universe: _commands(universe, numbers))  # fmt: skip
-        known = {name: effects for name, effects in moves.items() if not effects.empty}
-        if known:
-            shares, p = (by_choice(known, column) for column in ("share", "p"))
+        shares, p = (by_choice(moves, column) for column in ("share", "p"))
+        if not shares.empty:
             files += draw_effects(shares, p, folder)
         files.append(page)
     for path in files:
@@ -135,11 +134,11 @@ def multiverse(
 
 
 def by_choice(moves: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:
-    """Lay out a column of `effects_jointly`: a row a claim, a column a choice."""
+    """Lay out a column of `effects_jointly`: a row a claim that has any, a column a choice."""
     of_claim = {
         name: effects.drop_duplicates("choice").set_index("choice")[column]
-        for name, effects in moves.items()
-    }
+        for name, effects in moves.items() if not effects.empty
+    }  # fmt: skip
     laid_out = pd.DataFrame(of_claim).T.reindex(columns=[choice.name for choice in CHOICES])
     return laid_out.dropna(axis=1, how="all")
 

@@ -7,6 +7,7 @@ that falls farthest short of what is stated, or passes it by least, in most univ
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -363,6 +364,30 @@ def errors_by_universe(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
     collapsed = judged.groupby("universe")["collapsed"].mean()
     there = [one.name for one in multiverse.universes]
     return ends.reindex(columns=list(METHODS)).assign(collapsed=collapsed).reindex(there)
+
+
+def compare_models(first: Multiverse, second: Multiverse, rho: float = 0.1) -> pd.DataFrame:
+    """Compare how methods end in universes that were flown with two models, paired by seed.
+
+    Returns
+    -------
+    DataFrame
+        A row a universe and method, scope batch, in the order of the second: universe, method;
+        ``end``, mean final RMSE with the second model; mean, low, high of what the first gives
+        more, with 95 % t intervals over the seeds of both.
+    """
+    ends: list[Any] = []
+    for made in (first, second):
+        missions = made.missions
+        there = missions[(missions["rho"] == rho) & (missions["scope"] == "batch")]
+        ends.append(there.set_index(["universe", "method", "seed"])["final"])
+    both = ends[1].to_frame("end").join(ends[0].rename("first"), how="inner")
+    rows = []
+    for (universe, method), found in both.groupby(["universe", "method"], sort=False):
+        more = mean_interval(found["first"] - found["end"])
+        rows.append({"universe": universe, "method": method, "end": found["end"].mean(),
+                     "mean": more.mean, "low": more.low, "high": more.high})  # fmt: skip
+    return pd.DataFrame(rows, columns=["universe", "method", "end", "mean", "low", "high"])
 
 
 _CONCERNED = {choice.name: choice.methods for choice in CHOICES}

@@ -10,6 +10,7 @@ from infoplan.analyse.multiverse import (
     RULES,
     VERDICTS,
     ClaimCurve,
+    compare_models,
     errors_by_universe,
     errors_jointly,
     nearness,
@@ -58,6 +59,25 @@ def markdown(
         f"the run that comes so near; {ends}.": _near(multiverse, curves, nearest),
     }
     return "\n\n".join(f"{told}\n\n{table}" for told, table in tables.items() if table)
+
+
+def control(first: Multiverse, second: Multiverse) -> str:
+    """Write how methods end in universes flown with a second model, and what the first gives more.
+
+    Parameters
+    ----------
+    first, second
+        The same universes, with two models.
+    """
+    rows: dict[str, dict[str, str]] = {}
+    for row in compare_models(first, second, RHO).to_dict("records"):
+        more = interval(row["mean"], row["low"], row["high"])
+        told = f"{figure(row['end'])}; {'+' if row['mean'] > 0 else ''}{more}"
+        rows.setdefault(row["universe"], {})[row["method"]] = told
+    return _table(
+        ["universe", *METHODS],
+        [[name, *(of.get(method, "") for method in METHODS)] for name, of in rows.items()],
+    )
 
 
 def _claims(

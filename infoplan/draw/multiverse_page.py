@@ -95,8 +95,8 @@ def _shares(moved: Mapping[str, Moved]) -> str:
     shares = {name: _share_words(table) for name, table in known.items()}
     rows = [[one.name, *(words.get(one.name, "–") for words in shares.values())] for one in CHOICES]
     caption = (
-        "Share of a claim's variance over universes that only this choice explains; * p below 0.05 "
-        "by Holm"
+        "Share of a claim's variance over joint universes that only this choice explains; "
+        "* p below 0.05 by Holm"
     )
     return html_table(["choice", *shares], rows, caption=caption)
 

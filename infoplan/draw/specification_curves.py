@@ -82,7 +82,8 @@ def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Pa
     Parameters
     ----------
     shares
-        Part of a claim's variance over universes that only a choice explains, claims x choices.
+        Part of a claim's variance over joint universes that only a choice explains, claims x
+        choices.
     p
         Of its F test, adjusted by Holm.
     folder

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import ttest_rel
 from statsmodels.api import OLS
 from statsmodels.stats.multitest import multipletests
 from universes import AXIS, MARGIN, SEEDS, by_choice, made_up
@@ -13,6 +14,7 @@ from universes import AXIS, MARGIN, SEEDS, by_choice, made_up
 from infoplan.analyse.multiverse import (
     CLIP,
     claim_curves,
+    compare_models,
     effects_alone,
     effects_jointly,
     effects_of_rules,
@@ -162,6 +164,24 @@ def test_methods_rank_otherwise_where_models_collapse():
         assert row["PUCT-COPOD > UCT-COPOD"] == 0
     (only,) = [orders_by_collapse(made_up(by_choice, there=few[:1]))]
     assert only.dropna().index.tolist() == [False]
+
+
+def test_two_models_are_compared_by_seed():
+    few = universes()[:4]
+    exact = made_up(by_choice, there=few[1:3], seed=1, noise=30.0)
+    other = made_up(lambda u, m, r: by_choice(u, m, r) + 50.0, there=few, seed=2, noise=30.0)
+    other = replace(other, missions=other.missions[other.missions["seed"] != 2])
+    found = compare_models(other, exact)
+    assert list(found["universe"].unique()) == [one.name for one in few[1:3]]
+    assert list(found["method"]) == [*METHODS, *METHODS]
+    for row in found.to_dict("records"):
+        wanted = (f"universe == '{row['universe']}' and method == '{row['method']}' and "
+                  "rho == 0.1 and scope == 'batch' and seed != 2")  # fmt: skip
+        first, second = (made.missions.query(wanted)["final"].to_numpy() for made in (other, exact))
+        expected = ttest_rel(first, second).confidence_interval(0.95)
+        assert (row["low"], row["high"]) == pytest.approx(tuple(expected))
+        assert row["mean"] == pytest.approx(np.mean(first - second))
+        assert row["end"] == pytest.approx(np.mean(second))
 
 
 def test_what_a_level_adds_to_errors_is_least_squares(multiverse):

@@ -61,12 +61,16 @@ def test_parts_of_different_studies_are_not_joined(name, other):
         joined(made, replace(made, **{name: other}))
 
 
-def test_a_table_comes_into_the_shipped_one(tmp_path):
+@pytest.mark.parametrize(
+    ("model", "name"), [("vecchia", "multiverse.parquet"), ("gp", "multiverse_exact.parquet")]
+)
+def test_a_table_comes_into_the_shipped_one_of_its_model(model, name, tmp_path):
     take = runpy.run_path(str(SCRIPT))["take_universes"]
-    made = made_up(by_choice, there=FEW)
+    made = replace(made_up(by_choice, there=FEW), model=model)
     own = made.missions["universe"] == FEW[0].name
     for part in (without(made, own), without(made, ~own)):
         write(part, tmp_path / "part.parquet")
         shipped = take(tmp_path / "part.parquet", tmp_path)
+        assert shipped == tmp_path / name
     assert read(shipped).missions[LABELS].equals(made.missions[LABELS])
     assert read(shipped).missions["final"].tolist() == made.missions["final"].tolist()

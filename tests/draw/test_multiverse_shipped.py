@@ -9,10 +9,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from infoplan.analyse.multiverse import orders_by_collapse
+from infoplan.analyse.multiverse import compare_models, orders_by_collapse
 from infoplan.analyse.universe_numbers import read
 from infoplan.analyse.universe_parts import whole
-from infoplan.study.universes import DEFAULT
+from infoplan.study.universes import DEFAULT, universes
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ("multiverse.png", "multiverse_choices.png", "multiverse_c4.png")
@@ -26,7 +26,7 @@ def shipped():
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("docs")
-    for name in ("multiverse.parquet", "multiverse.md"):
+    for name in ("multiverse.parquet", "multiverse_exact.parquet", "multiverse.md"):
         shutil.copy(ROOT / "docs" / name, folder)
     script = runpy.run_path(str(ROOT / "scripts" / "draw_multiverse.py"))
     assert script["draw_multiverse"](folder) == [folder / name for name in PICTURES]
@@ -52,6 +52,23 @@ def test_all_that_is_shipped_is_whole(shipped):
     alone = missions[~missions["universe"].str.startswith("joint")]
     assert set(alone.groupby("universe")["rho"].nunique()) == {3}
     assert np.isfinite(missions[["final", "early", "late"]]).all(axis=None)
+
+
+def test_the_control_is_of_the_same_missions(shipped):
+    """How often and by how much the two models differ, as the page says it."""
+    exact = read(ROOT / "docs" / "multiverse_exact.parquet")
+    assert (exact.model, shipped.model) == ("gp", "vecchia")
+    assert (exact.terrain, exact.budget) == (shipped.terrain, shipped.budget)
+    names = [one.name for one in universes()]
+    wanted = ["default", "pilot: spiky", "score: paper", "learning: lbfgs 5",
+              *(name for name in names if name in ("joint 1", "joint 25", "joint 49"))]  # fmt: skip
+    assert {one.name for one in exact.universes} == set(wanted)
+    found = compare_models(shipped, exact)
+    assert len(found) == 4 * len(wanted)
+    page = " ".join((ROOT / "docs" / "multiverse.md").read_text(encoding="utf-8").split())
+    beyond = int(((found["low"] > 0) | (found["high"] < 0)).sum())
+    most = found["mean"].abs().max()
+    assert f"by up to {most:.0f} ft, in {beyond} of {len(found)} cases beyond chance" in page
 
 
 def test_counts_in_the_prose_are_those_of_the_file(shipped):
