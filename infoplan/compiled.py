@@ -67,9 +67,14 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     """
 
     def decorate(function: Function) -> Function:
+        names = _names(function)
+        if function.__closure__:
+            # Numba tells closures apart by a count of the process, which the code of another may
+            # have, too: one would then be called in place of the other.
+            own_name = _sha256(names)[:16] if names else uuid.uuid4().hex
+            function.__qualname__ += f"_{own_name}"
         compiled = numba.njit(**options)(function)
         is_compiled = hasattr(compiled, "py_func")  # not where Numba is switched off
-        names = _names(function)
         if is_compiled and names and (digest := _digest()):
             compiled._cache = _Kept(names, digest)
         return compiled
@@ -124,22 +129,31 @@ class _Kept(NullCache):
                 written.unlink(missing_ok=True)
 
     def _file_name(self, signature: Any, codegen: Any) -> str:
-        key = repr((signature, codegen.magic_tuple(), self._names[1:]))
-        return f"{self._names[0]}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.bin"
+        key = (signature, codegen.magic_tuple(), self._names[1:])
+        return f"{self._names[0]}-{_sha256(key)[:32]}.bin"
+
+
+def _sha256(value: Any) -> str:
+    return hashlib.sha256(repr(value).encode()).hexdigest()
+
+
+def _is_ours(function: Callable[..., Any]) -> bool:
+    return function.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def _names(function: Callable[..., Any]) -> list[str]:
     """Name a function, then the values that it closes over; empty if they are not to be known.
 
-    Of compiled functions those of other packages: an edit of theirs would go unnoticed.
+    Not to be known are compiled functions of other packages, however deep: an edit of theirs
+    would go unnoticed.
     """
     names = [f"{function.__module__}.{function.__qualname__}"]
     for cell in function.__closure__ or ():
         inner = getattr(cell.cell_contents, "py_func", None)
         if inner is None:
             names.append(repr(cell.cell_contents))
-        elif inner.__module__.partition(".")[0] == __name__.partition(".")[0]:
-            names += _names(inner)
+        elif _is_ours(inner) and (inner_names := _names(inner)):
+            names += inner_names
         else:
             return []
     return names

@@ -40,20 +40,52 @@ for name in ("squared_exponential", "wider"):
     print(out[0, 0], sum(passes.fill_cross.stats.cache_hits.values()))
 """
 
+CLOSURES = """
+from infoplan.compiled import kernel
+
+def sum_of(value):
+    @kernel()
+    def part(n):  # long enough to be called, not to become a part of its callers
+        total = 0.0
+        for i in range(n):
+            for j in range(i):
+                if (i * j) % 3 == 0:
+                    total += value()
+                elif i % 5 == 1:
+                    total -= value() * j
+                elif i % 7 == 1:
+                    total -= value() / i
+        return total
+
+    @kernel()
+    def whole(n):
+        return part(n) + part(n + 1) + part(n + 2)
+
+    return whole
+
+def constant(number):
+    @kernel()
+    def value():
+        return number
+
+    return value
+"""
+"""A module of the package with a compiled function that calls one that calls one."""
+
+CONSTANTS = """
+from infoplan.closures import constant, sum_of
+
+for number in NUMBERS:
+    whole = sum_of(constant(number))
+    print(whole(10) / 63.125, sum(whole.stats.cache_hits.values()))
+"""
+
 FOREIGN = """
-import numba, numpy as np
-from dataclasses import replace
-from infoplan.model.covariance import passes_of
-from infoplan.model.kernels import as_kernel
+import numba
+from infoplan.closures import sum_of
 
-@numba.njit
-def constant(constants, a1, a2, b1, b2):
-    return VALUE
-
-passes = passes_of(replace(as_kernel("squared_exponential"), correlation=constant))
-out = np.empty((1, 1))
-passes.fill_cross(np.zeros((2, 1)), np.ones((2, 1)), (0.25, 0.25), 1.0, out)
-print(out[0, 0], sum(passes.fill_cross.stats.cache_hits.values()))
+whole = sum_of(numba.njit(lambda: VALUE))
+print(whole(10) / 63.125, sum(whole.stats.cache_hits.values()))
 """
 
 WRAP = """
@@ -116,9 +148,28 @@ def test_each_kernel_has_passes_of_its_own(site):
     assert python(site, KERNEL) == [expected[0], 0, pytest.approx(np.exp(-1.0)), 0]
 
 
-def test_a_kernel_from_outside_is_never_that_of_an_earlier_process(site):
+def test_functions_of_several_processes_are_not_mixed_up(site):
+    """Numba's names hold a count that starts anew in each process."""
+    (site / "infoplan/closures.py").write_text(CLOSURES, encoding="utf-8")
+    for numbers, expected in (
+        ([1.0], [1, 0]),
+        ([2.0], [2, 0]),
+        ([1.0, 2.0], [1, 1, 2, 1]),
+        ([2.0, 1.0], [2, 1, 1, 1]),
+    ):
+        found = python(site, CONSTANTS.replace("NUMBERS", repr(numbers)))
+        assert found == pytest.approx(expected)
+
+
+def test_functions_from_outside_are_never_those_of_an_earlier_process(site):
+    (site / "infoplan/closures.py").write_text(CLOSURES, encoding="utf-8")
     for value in (0.25, 0.5):
-        assert python(site, FOREIGN.replace("VALUE", str(value))) == [value, 0]
+        found = python(site, FOREIGN.replace("VALUE", str(value)))
+        assert found == pytest.approx([value, 0])
+    # Nor mixed up with one that is kept, and compiled as early in its process.
+    assert python(site, CONSTANTS.replace("NUMBERS", "[3.0]")) == pytest.approx([3, 0])
+    both = CONSTANTS.replace("NUMBERS", "[3.0]") + FOREIGN.replace("VALUE", "0.25")
+    assert python(site, both) == pytest.approx([3, 1, 0.25, 0])
 
 
 @pytest.mark.parametrize(
