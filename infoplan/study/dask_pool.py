@@ -59,7 +59,7 @@ class DaskPool:
                 "backend=dask needs Dask, which is not installed: pip install 'infoplan[dask]'"
             ) from error
         # What goes wrong is told in one sentence, not in Dask's log.
-        for name in ("distributed.client", "distributed.comm", "tornado.application"):
+        for name in ("distributed", "distributed.client", "tornado.application"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self.n_jobs, self.progress = n_jobs, progress
         self.where = scheduler or "this machine"
