@@ -17,7 +17,10 @@ from scipy import stats
 
 from infoplan.analyse.claims import COMPARISONS, NONE, SHARES, UCT
 from infoplan.analyse.judging import USUAL, Comparison, Rules, Stated, corrected, overall
+from infoplan.analyse.multiverse import ClaimCurve, effects_jointly, pairs_of_choices
 from infoplan.analyse.statistics import mean_band, probability_below_zero, stratified_mean
+from infoplan.analyse.universe_numbers import Multiverse
+from infoplan.study.universes import joint_universes
 
 Floats = NDArray[np.float64]
 
@@ -33,6 +36,12 @@ so that two one-sided tests can succeed at all."""
 
 FAR = 1e6
 """So many margins inside of the stated side, a comparison is always supported."""
+
+SEEDS_OF_UNIVERSES, NOISE = 6, 0.9
+"""Of the multiverse, and the deviation of a universe's seeds where that of universes is 1."""
+
+COMMON = (0.0, 0.3, 0.6)
+"""Deviations of a seed's reaction to a level, there."""
 
 MAPS = (1.0, 2.0, 4.0)
 """Deviations of the seeds on each map."""
@@ -201,6 +210,51 @@ def on_maps(n: int, trials: int, seed: int = 0) -> tuple[float, float]:
     return hits / trials, probable / trials
 
 
+def on_universes(common: float, trials: int, seed: int = 0) -> tuple[float, float, float]:
+    """Coverage of a level's coefficient over joint universes, and how often p finds what is not.
+
+    Nothing matters, but each universe has an effect of its own, of deviation 1, a universe's seeds
+    vary about it, and each seed has reactions of its own to every level, the same in all universes.
+
+    Parameters
+    ----------
+    common
+        Deviation of a seed's reaction to a level.
+    trials
+        Multiverses.
+    seed
+        Of the random numbers.
+
+    Returns
+    -------
+    tuple
+        Share of the levels' intervals that hold zero; shares of the trials in which some choice,
+        and some pair, has an adjusted p of at most 0.05.
+    """
+    there = joint_universes()
+    names, sides = tuple(one.name for one in there), COMPARISONS["C7"](MadeUp(1, _rng(seed)))
+    levels = pd.get_dummies(pd.DataFrame([dict(one.levels) for one in there])).to_numpy(float)
+    multiverse = Multiverse(pd.DataFrame({"universe": names}), (), "helens", "ft", 2000, "gp", 1.0)
+    rng, held, found, paired = _rng(seed), [], 0, 0
+    for _ in range(trials):
+        reactions = common * rng.standard_normal((levels.shape[1], SEEDS_OF_UNIVERSES))
+        own = rng.standard_normal((len(there), 1))
+        noise = NOISE * rng.standard_normal((len(there), SEEDS_OF_UNIVERSES))
+        curve = ClaimCurve(
+            "C7", 0, "", "ft", sides[0].stated, names, own + noise + levels @ reactions,
+            tuple(range(SEEDS_OF_UNIVERSES)), ("undecided",) * len(there),
+        )  # fmt: skip
+        jointly = effects_jointly(curve, multiverse)
+        held.append(np.mean((jointly["low"] <= 0) & (jointly["high"] >= 0)))
+        found += bool((jointly["p"] <= 0.05).any())
+        paired += bool((pairs_of_choices(curve, multiverse)["p"] <= 0.05).any())
+    return float(np.mean(held)), found / trials, paired / trials
+
+
+def _rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
 def percent(share: float) -> str:
     """Write a share in per cent."""
     return f"{100 * share:.1f}"
@@ -269,10 +323,22 @@ def maps_table(trials: int) -> list[str]:
     return lines
 
 
+def universes_table(trials: int) -> list[str]:
+    """Coverage and false findings over joint universes, by what seeds' reactions have in common."""
+    lines = [
+        "| a seed's reaction to a level | covered | some choice found | some pair found |",
+        "|---:|---:|---:|---:|",
+    ]
+    for common in COMMON:
+        cells = " | ".join(percent(share) for share in on_universes(common, trials // 10))
+        lines.append(f"| {common:g} | {cells} |")
+    return lines
+
+
 def main() -> None:
     """Print the tables."""
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    for table in (coverage_table, verdict_table, skewed_table, maps_table):
+    for table in (coverage_table, verdict_table, skewed_table, maps_table, universes_table):
         print("\n".join(table(trials)), end="\n\n", flush=True)
 
 

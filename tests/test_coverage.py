@@ -13,7 +13,9 @@ from benchmarks.coverage import (
     maps_table,
     missed,
     on_maps,
+    on_universes,
     skewed_table,
+    universes_table,
     verdict_table,
     verdicts,
 )
@@ -67,18 +69,27 @@ def test_intervals_on_three_maps_cover():
     assert better > 0.93
 
 
+def test_what_a_level_does_is_covered_however_much_seeds_react_alike():
+    covered, found, _ = on_universes(1.5, 15)
+    assert covered > 0.9, "with universes taken as independent it is 0.63"
+    assert found < 0.3
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("table", [coverage_table, verdict_table, skewed_table, maps_table])
+@pytest.mark.parametrize(
+    "table", [coverage_table, verdict_table, skewed_table, maps_table, universes_table]
+)
 def test_the_page_says_what_is_simulated(table):
     head, *simulated = rows(table(1000))
     page_head, *told = table_of_the_page(head)
     assert page_head == head
-    named = 1 if table is maps_table else 2
+    named = 1 if table in (maps_table, universes_table) else 2
     assert [row[:named] for row in told] == [row[:named] for row in simulated]
     for ours, theirs in zip(simulated, told, strict=True):
         found, said = ([number(cell) for cell in row[named:]] for row in (ours, theirs))
-        # Five deviations of the difference of shares of 1000 and 2000 trials.
+        # Five deviations of the difference of shares of so many and twice as many trials.
+        trials = 100 if table is universes_table else 1000
         for a, b in zip(found, said, strict=True):
             share = min(max(b / 100, 0.01), 0.99)
-            slack = 500 * (share * (1 - share) * (1 / 1000 + 1 / 2000)) ** 0.5
+            slack = 500 * (share * (1 - share) * (1 / trials + 1 / (2 * trials))) ** 0.5
             assert a == pytest.approx(b, abs=slack), ours

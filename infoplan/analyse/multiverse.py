@@ -267,31 +267,34 @@ def effects_jointly(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
 
     Ordinary least squares of the universes' mean effects on the levels, over the joint universes:
     there the levels of a choice are equally frequent among those of the others, and what single
-    choices do to the defaults is not spread over them.
+    choices do to the defaults is not spread over them. Intervals are for other universes and other
+    seeds: errors have a part that differs from universe to universe, and what the coefficients of
+    single seeds vary beyond that, because all universes share a seed's reaction to a level.
 
     Returns
     -------
     DataFrame
         A row a level other than the default: choice, level; mean, low, high of its coefficient,
         with 95 % t intervals; and for each choice, in all its rows, ``share``, the part of the
-        variance that only it explains, with ``p`` of its F test, adjusted by Holm. Empty where
-        there are too few universes.
+        variance that only it explains, with ``p``, the least t test's of its levels, adjusted by
+        Bonferroni over these and by Holm over choices. Empty where there are too few universes.
     """
-    there, means = _joint_means(curve, multiverse)
+    there, effects = _joint_effects(curve, multiverse)
     design, named = _design(there)
     if len(there) <= design.shape[1]:
         return pd.DataFrame(columns=["choice", "level", "mean", "low", "high", "share", "p"])
-    fitted = _least_squares(design, means)
-    rows, total = [], float(np.sum((means - means.mean()) ** 2))
-    for choice, level, column in named:
-        others = [c for other, _, c in named if other != choice]
-        without = _least_squares(design[:, [0, *others]], means)
-        levels = design.shape[1] - 1 - len(others)
-        rows.append(
-            {"choice": choice, "level": level, **fitted.coefficient(column),
-             "share": (without.squares - fitted.squares) / total if total else np.nan,
-             "p": _f_test(without.squares - fitted.squares, levels, fitted)}
-        )  # fmt: skip
+    fitted, total = _least_squares(design, effects), _squares(effects)
+    rows = []
+    for choice in dict.fromkeys(one for one, *_ in named):
+        mine = {column: level for one, level, column in named if one == choice}
+        kept = [column for column in range(design.shape[1]) if column not in mine]
+        without = _least_squares(design[:, kept], effects)
+        share = (without.squares - fitted.squares) / total if total else np.nan
+        rows += [
+            {"choice": choice, "level": level, **fitted.coefficient(column), "share": share,
+             "p": fitted.p(list(mine))}
+            for column, level in mine.items()
+        ]  # fmt: skip
     table = pd.DataFrame(rows)
     of_choice = table.drop_duplicates("choice").set_index("choice")["p"]
     adjusted = pd.Series(holm(of_choice), index=of_choice.index)
@@ -308,18 +311,18 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
     -------
     DataFrame
         A row a pair: first, second; ``share``, the part of the variance that the interaction
-        explains beyond the main effects; ``p`` of its F test, adjusted by Holm; and of the
+        explains beyond the main effects; ``p``, adjusted as in `effects_jointly`; and of the
         combination that it moves most: ``levels``, mean, low, high. Sorted by p.
     """
     main = effects_jointly(curve, multiverse)
     columns = ["first", "second", "share", "p", "levels", "mean", "low", "high"]
     if main.empty:
         return pd.DataFrame(columns=columns)
-    there, means = _joint_means(curve, multiverse)
+    there, effects = _joint_effects(curve, multiverse)
     design, named = _design(there)
     ranked = main.drop_duplicates("choice").sort_values("share", ascending=False)["choice"]
-    base = _least_squares(design, means)
-    total, rows = float(np.sum((means - means.mean()) ** 2)), []
+    base, total = _least_squares(design, effects), _squares(effects)
+    rows = []
     for first, second in combinations(ranked.head(most), 2):
         crossed = [
             (f"{a} x {b}", design[:, i] * design[:, j])
@@ -329,19 +332,19 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
         # A combination that no universe has, or that others make up, tells nothing.
         wide = np.column_stack([design, *(product_ for _, product_ in crossed)])
         kept = _independent(wide, design.shape[1])
-        fitted = _least_squares(wide[:, kept], means)
-        added = kept[design.shape[1] :]
-        if not added or fitted.freedom < 1:
+        added = list(range(design.shape[1], len(kept)))
+        if not added or len(there) <= len(kept):
             continue
+        fitted = _least_squares(wide[:, kept], effects)
         moved = [
-            (crossed[column - design.shape[1]][0], fitted.coefficient(place + design.shape[1]))
-            for place, column in enumerate(added)
+            (crossed[kept[place] - design.shape[1]][0], fitted.coefficient(place))
+            for place in added
         ]
         label, largest = max(moved, key=lambda one: abs(one[1]["mean"]))
         gained = base.squares - fitted.squares
         rows.append(
             {"first": first, "second": second, "share": gained / total if total else np.nan,
-             "p": _f_test(gained, len(added), fitted), "levels": label, **largest}
+             "p": fitted.p(added), "levels": label, **largest}
         )  # fmt: skip
     table = pd.DataFrame(rows, columns=columns)
     return table.assign(p=holm(table["p"])).sort_values("p", ignore_index=True)
@@ -426,8 +429,9 @@ def orders_by_collapse(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
 def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
     """How much every level moves each method's end, whatever the other choices are.
 
-    Ordinary least squares of a method's mean final RMSE, scope batch, on the levels of the choices
-    that concern it, over the joint universes in which all four methods were flown.
+    Least squares, as in `effects_jointly`, of a method's mean final RMSE, scope batch, on the
+    levels of the choices that concern it, over the joint universes in which all four methods were
+    flown.
 
     Returns
     -------
@@ -435,15 +439,18 @@ def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
         A row a level other than the default and method: choice, level, method; mean, low, high of
         the coefficient, with 95 % t intervals. Empty where there are too few universes.
     """
-    ends = errors_by_universe(multiverse, rho).dropna()
-    there = [one for one in multiverse.universes if one.is_joint and one.name in ends.index]
+    complete = errors_by_universe(multiverse, rho).dropna().index
+    there = [one for one in multiverse.universes if one.is_joint and one.name in complete]
     whole, named = _design(there)
+    missions = multiverse.missions
+    batch = missions[(missions["rho"] == rho) & (missions["scope"] == "batch")]
+    ends = batch.pivot(index=["method", "universe"], columns="seed", values="final")
     rows = []
     for method in METHODS if len(there) > whole.shape[1] else ():
         mine = [name for name in named if method in _CONCERNED[name[0]]]
         fitted = _least_squares(
             whole[:, [0, *(column for *_, column in mine)]],
-            ends.loc[[one.name for one in there], method].to_numpy(float),
+            ends.loc[method].loc[[one.name for one in there]].to_numpy(float),
         )
         rows += [
             {"choice": choice, "level": level, "method": method, **fitted.coefficient(place)}
@@ -517,26 +524,49 @@ def nearest_tenth(multiverse: Multiverse) -> list[str]:
 
 @dataclass(frozen=True)
 class _Fit:
-    """A least-squares fit: coefficients, their standard errors, sum of squares, what is free."""
+    """A least-squares fit over universes and seeds.
+
+    Attributes
+    ----------
+    coefficients, errors, freedom
+        Of each column: mean over seeds, its standard error and the degrees of freedom of that.
+    squares
+        What is left of the universes' means.
+    """
 
     coefficients: Floats
     errors: Floats
+    freedom: Floats
     squares: float
-    freedom: int
 
     def coefficient(self, column: int) -> dict[str, float]:
         """Give a coefficient with its 95 % t interval."""
         from scipy import special
 
-        half = float(special.stdtrit(max(self.freedom, 1), 0.975)) * self.errors[column]
+        half = float(special.stdtrit(self.freedom[column], 0.975)) * self.errors[column]
         mean = float(self.coefficients[column])
         return {"mean": mean, "low": mean - half, "high": mean + half}
 
+    def p(self, columns: list[int]) -> float:
+        """Give the least p of t tests that columns do nothing, times their number."""
+        from scipy import special
 
-def _joint_means(curve: ClaimCurve, multiverse: Multiverse) -> tuple[list[Universe], Floats]:
-    """Give the joint universes in which a claim is judged, and its mean effects there."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = np.abs(self.coefficients[columns]) / self.errors[columns]
+        each = 2.0 * special.stdtr(self.freedom[columns], -t)
+        return float(min(len(columns) * each.min(), 1.0))
+
+
+def _joint_effects(curve: ClaimCurve, multiverse: Multiverse) -> tuple[list[Universe], Floats]:
+    """Give the joint universes in which a claim is judged, and its effects there, by seed."""
     there = [one for one in multiverse.universes if one.is_joint and one.name in curve.universes]
-    return there, curve.means[[curve.universes.index(one.name) for one in there]]
+    return there, curve.effects[[curve.universes.index(one.name) for one in there]]
+
+
+def _squares(effects: Floats) -> float:
+    """Sum of squares of the universes' means about their own."""
+    means = np.nanmean(effects, axis=1)
+    return float(np.sum((means - means.mean()) ** 2))
 
 
 def _design(universes: Sequence[Universe]) -> tuple[Floats, list[tuple[str, str, int]]]:
@@ -545,22 +575,43 @@ def _design(universes: Sequence[Universe]) -> tuple[Floats, list[tuple[str, str,
     A level that makes no difference in a universe is its default there.
     """
     columns, named = [np.ones(len(universes))], []
+    idle = [one.idle for one in universes]
     for choice in CHOICES:
         for level in list(choice.levels)[1:]:
-            has = np.array([one.levels[choice.name] == level and choice.name not in one.idle
-                            for one in universes], dtype=float)  # fmt: skip
+            has = np.array([one.levels[choice.name] == level and choice.name not in without_use
+                            for one, without_use in zip(universes, idle, strict=True)],
+                           dtype=float)  # fmt: skip
             if 0 < has.sum() < len(universes):
                 named.append((choice.name, level, len(columns)))
                 columns.append(has)
     return np.column_stack(columns), named
 
 
-def _least_squares(design: Floats, y: Floats) -> _Fit:
-    coefficients = np.asarray(np.linalg.lstsq(design, y, rcond=None)[0], dtype=float)
-    squares, freedom = float(np.sum((y - design @ coefficients) ** 2)), len(y) - design.shape[1]
-    variance = squares / freedom if freedom > 0 else np.nan
-    errors = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(design.T @ design)), 0.0))
-    return _Fit(coefficients, errors, squares, freedom)
+def _least_squares(design: Floats, effects: Floats) -> _Fit:
+    """Fit the mean over seeds of effects (universes, seeds); an effect that is missing is its mean.
+
+    Errors are those of two-way clusters: variances add, and noise that is in both is taken off one
+    (Cameron, Gelbach and Miller, Journal of Business & Economic Statistics 29, 2011), with
+    degrees of freedom after Satterthwaite.
+    """
+    y = np.where(np.isfinite(effects), effects, np.nanmean(effects, axis=1, keepdims=True))
+    seeds, free = y.shape[1], len(design) - design.shape[1]
+    inverse = np.linalg.pinv(design)
+    by_seed = inverse @ y
+    coefficients, scale = by_seed.mean(axis=1), np.sum(inverse**2, axis=1)
+    squares = float(np.sum((y.mean(axis=1) - design @ coefficients) ** 2))
+    of_universes = scale * (squares / free if free else np.nan)
+    # A single seed tells nothing of others.
+    of_seeds = noise = np.full(len(scale), np.nan)
+    if seeds > 1 and free:
+        of_seeds = by_seed.var(axis=1, ddof=1) / seeds
+        noise = scale * np.sum((y - design @ by_seed).var(axis=1, ddof=1)) / seeds / free
+    common = np.maximum(of_seeds - noise, 0.0)
+    variance = of_universes + common
+    bottom = of_universes**2 / max(free, 1) + common**2 / max(seeds - 1, 1)
+    freedom = np.full(len(scale), float(free))
+    np.divide(variance**2, bottom, out=freedom, where=bottom > 0)
+    return _Fit(coefficients, np.sqrt(variance), freedom, squares)
 
 
 def _independent(design: Floats, sure: int) -> list[int]:
@@ -572,13 +623,3 @@ def _independent(design: Floats, sure: int) -> list[int]:
             kept.append(column)
             rank += 1
     return kept
-
-
-def _f_test(gained: float, columns: int, fitted: _Fit) -> float:
-    """P that so many columns explain by chance what they have."""
-    from scipy import special
-
-    if fitted.freedom < 1 or fitted.squares <= 0:
-        return np.nan
-    ratio = max(gained, 0.0) / columns / (fitted.squares / fitted.freedom)
-    return float(special.fdtrc(columns, fitted.freedom, ratio))

@@ -6,10 +6,11 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t as t_distribution
 from scipy.stats import ttest_rel
 from statsmodels.api import OLS
 from statsmodels.stats.multitest import multipletests
-from universes import AXIS, MARGIN, SEEDS, by_choice, made_up
+from universes import ALL, AXIS, MARGIN, SEEDS, by_choice, made_up
 
 from infoplan.analyse.multiverse import (
     CLIP,
@@ -104,28 +105,67 @@ def joint_design(methods):
     return names, np.array(rows)
 
 
-def test_joint_effects_are_those_of_statsmodels(multiverse):
+def fits_of_statsmodels(effects, design):
+    """Coefficients, 95 % intervals and p, from a fit of the means and one of each seed."""
+    n, seeds = len(design), effects.shape[1]
+    fitted = OLS(effects.mean(axis=1), design).fit()
+    by_seed = [OLS(one, design).fit() for one in effects.T]
+    left = np.stack([one.resid for one in by_seed])
+    # What seeds differ by in each universe for itself, beyond what the levels explain.
+    own = np.sum(np.var(left, axis=0, ddof=1)) / (n - design.shape[1])
+    unit = fitted.bse**2 / fitted.mse_resid
+    common = np.var([one.params for one in by_seed], axis=0, ddof=1) / seeds - unit * own / seeds
+    parts = np.stack([fitted.bse**2, np.clip(common, 0.0, None)])
+    freedom = np.sum(parts, axis=0) ** 2 / (
+        parts[0] ** 2 / (n - design.shape[1]) + parts[1] ** 2 / (seeds - 1)
+    )
+    spread = t_distribution(freedom, fitted.params, np.sqrt(parts.sum(axis=0)))
+    return (
+        fitted,
+        np.stack(spread.interval(0.95), axis=1),
+        2 * np.minimum(spread.cdf(0.0), spread.sf(0.0)),
+    )
+
+
+def test_joint_effects_are_those_of_statsmodels():
+    rng = np.random.default_rng(1)
+    multiverse = made_up(lambda *names: by_choice(*names) + 60.0 * rng.standard_normal())
+    # One seed is moved by a level in all universes alike.
+    restarted = {one.name for one in ALL if one.levels["noise"] == "restarted"}
+    missions = multiverse.missions
+    moved = (missions["seed"] == 3) & (missions["method"] == "UCT-NONE")
+    missions.loc[moved & missions["universe"].isin(restarted), "final"] += 300.0
     (curve,) = claim_curves(multiverse, ["C7"])
     table = effects_jointly(curve, multiverse)
     names, design = joint_design(METHODS)
-    means = curve.means[-JOINT:]
-    fitted = OLS(means, design).fit()
+    fitted, intervals, p = fits_of_statsmodels(curve.effects[-JOINT:], design)
     assert list(zip(table["choice"], table["level"], strict=True)) == names
     np.testing.assert_allclose(table["mean"], fitted.params[1:], atol=1e-9)
-    np.testing.assert_allclose(table[["low", "high"]], fitted.conf_int()[1:], atol=1e-9)
+    np.testing.assert_allclose(table[["low", "high"]], intervals[1:], atol=1e-9)
     ps, gained = [], []
     for choice in CHOICES:
-        contrast = np.eye(len(names) + 1)[
-            [i + 1 for i, n in enumerate(names) if n[0] == choice.name]
-        ]
-        ps.append(float(fitted.f_test(contrast).pvalue))
-        without = OLS(means, np.delete(design, contrast.argmax(axis=1), axis=1)).fit()
+        mine = [i + 1 for i, n in enumerate(names) if n[0] == choice.name]
+        ps.append(min(len(mine) * p[mine].min(), 1.0))
+        without = OLS(curve.means[-JOINT:], np.delete(design, mine, axis=1)).fit()
         gained.append((without.ssr - fitted.ssr) / fitted.centered_tss)
     adjusted = multipletests(ps, method="holm")[1]
     once = table.drop_duplicates("choice")
     np.testing.assert_allclose(once["p"], adjusted, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(once["share"], gained, atol=1e-9)
     assert set(once.loc[once["p"] < 0.01, "choice"]) == {"noise", "pilot"}
+    wide = (table["high"] - table["low"]).to_numpy() / (2 * 2.02 * fitted.bse[1:])
+    assert names[int(wide.argmax())] == ("noise", "restarted")
+    assert wide.max() > 2
+
+
+def test_of_one_seed_alone_joint_effects_have_no_intervals():
+    made = made_up(by_choice)
+    made = replace(made, missions=made.missions[made.missions["seed"] == 0])
+    (curve,) = claim_curves(made, ["C7"])
+    table = effects_jointly(curve, made)
+    assert np.isfinite(table["mean"]).all()
+    assert table[["low", "high", "p"]].isna().all(axis=None)
+    assert pairs_of_choices(curve, made)[["low", "high", "p"]].isna().all(axis=None)
 
 
 def test_errors_of_universes_are_means_over_seeds_at_one_rho():
@@ -185,14 +225,19 @@ def test_two_models_are_compared_by_seed():
 
 
 def test_what_a_level_adds_to_errors_is_least_squares(multiverse):
-    ends, found = errors_by_universe(multiverse)[-JOINT:], errors_jointly(multiverse)
+    found, missions = errors_jointly(multiverse), multiverse.missions
+    batch = missions[(missions["rho"] == 0.1) & (missions["scope"] == "batch")]
     for method in METHODS:
         names, design = joint_design([method])
-        fitted = OLS(ends[method].to_numpy(), design).fit()
+        ends = batch[batch["method"] == method].pivot(
+            index="universe", columns="seed", values="final"
+        )
+        effects = ends.loc[[one.name for one in joint_universes()]].to_numpy()
+        fitted, intervals, _ = fits_of_statsmodels(effects, design)
         rows = found[found["method"] == method]
         assert list(zip(rows["choice"], rows["level"], strict=True)) == names
         np.testing.assert_allclose(rows["mean"], fitted.params[1:], atol=1e-6)
-        np.testing.assert_allclose(rows[["low", "high"]], fitted.conf_int()[1:], atol=1e-6)
+        np.testing.assert_allclose(rows[["low", "high"]], intervals[1:], atol=1e-6)
     few = made_up(by_choice, there=universes()[:5])
     assert errors_jointly(few).empty
 
