@@ -139,14 +139,16 @@ def _jointly(multiverse: Multiverse) -> str:
 
 def _by_rules(moved: Mapping[str, Moved]) -> str:
     """Give each claim a row: its verdicts under each rule that needs no mission."""
+    others = [(choice, level) for choice, levels in RULES.items() for level in list(levels)[1:]]
+    usual = ("margin", next(iter(RULES["margin"])))
     rows = []
     for name, found in moved.items():
         of = {(rule["choice"], rule["level"]): rule for rule in found.rules.to_dict("records")}
-        told = [of.get((choice, level)) for choice, levels in RULES.items() for level in levels]
+        told = [of.get(one) for one in (usual, *others)]
         rows.append([name, *(", ".join(str(rule[one]) for one in VERDICTS) if rule else ""
                              for rule in told)])  # fmt: skip
-    names = [f"{choice} {level}" for choice, levels in RULES.items() for level in levels]
-    return _table(["", *names], rows)
+    usually = ", ".join(f"{choice} {next(iter(levels))}" for choice, levels in RULES.items())
+    return _table(["", usually, *(f"{choice} {level}" for choice, level in others)], rows)
 
 
 def _pairs(moved: Mapping[str, Moved]) -> str:

@@ -111,9 +111,9 @@ def print_claim(
         say(console, told, indent="    ")
     say(console, "alone: against the defaults, paired by seed; jointly: whatever the other choices "
                  "are, by least squares over the joint universes; share: of the variance over "
-                 "these that only this choice explains, p of its surest level, corrected; pairs: what both "
-                 "together do beyond both alone; margin and early samples are no missions' "
-                 "choices: the claim is judged anew in all universes")  # fmt: skip
+                 "these that only this choice explains, p of its surest level, corrected; pairs: "
+                 "what both together do beyond both alone; margin and early samples are no "
+                 "missions' choices: the claim is judged anew in all universes")  # fmt: skip
 
 
 def _all_at_once(test: JointTest, unit: str) -> str:
