@@ -43,8 +43,8 @@ def markdown(
         "what moves the comparison that binds. \\* is p below 0.05 after Holm's correction over "
         "choices.": _claims(curves, moved, nearest),
         "Universes in which most missions of UCT-NONE end with a collapsed model, and others: "
-        f"median over them of the mean {ends}, and in how many a method ends below or above "
-        "another by more than the margin.": _by_collapse(multiverse),
+        f"median over them of the mean final RMSE, {unit}, and in how many a method ends below or "
+        "above another by more than the margin.": _by_collapse(multiverse),
         f"The defaults, and every level alone: mean {ends}; share of collapsed missions, those of "
         "UCT-BEST left out; claims.": _alone(multiverse, curves),
         f"What a level adds to the {ends}, whatever the other choices are, with 95 % intervals: "
@@ -102,17 +102,17 @@ def _claims(
 
 
 def _by_collapse(multiverse: Multiverse) -> str:
-    """Give the universes with a collapsed UCT-NONE a row, and the others."""
-    found = orders_by_collapse(multiverse, RHO).dropna()
+    """Give the universes with a collapsed UCT-NONE a row for each rho, and the others."""
     rows = [
-        ["collapsed" if collapses else "not", f"{row['universes']:.0f}",
+        [f"{rho:g}", "collapsed" if collapses else "not", f"{row['universes']:.0f}",
          *(figure(row[method]) for method in METHODS),
          *(f"{row[f'{one} < {other}']:.0f} below, {row[f'{one} > {other}']:.0f} above"
            for one, other in PAIRS)]
-        for collapses, row in found.iterrows()
+        for rho in sorted(multiverse.missions["rho"].unique())
+        for collapses, row in orders_by_collapse(multiverse, rho).dropna().iterrows()
     ]  # fmt: skip
     pairs = [f"{one} against {other}" for one, other in PAIRS]
-    return _table(["UCT-NONE", "universes", *METHODS, *pairs], rows)
+    return _table(["rho", "UCT-NONE", "universes", *METHODS, *pairs], rows)
 
 
 def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:
