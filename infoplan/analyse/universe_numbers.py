@@ -150,7 +150,7 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
         If there are none, or they differ in other options than the choices of the multiverse.
     """
     selection = study_of(find_missions(results_dir, **filters), free=OPTIONS)
-    belongs = _belonging(selection)
+    belongs = universes_of_runs(selection)
     if not belongs:
         raise UsageError(
             f"results_dir={results_dir} holds no universe with all four methods: fly them with "
@@ -222,7 +222,7 @@ def read(path: Path) -> Multiverse:
         ) from error
 
 
-def _belonging(selection: Selection) -> dict[str, list[str]]:
+def universes_of_runs(selection: Selection) -> dict[str, list[str]]:
     """Tell of each run to which universes it belongs, of those with runs of all four methods."""
     known: dict[tuple[str, Levels], list[str]] = {}
     for universe in universes():

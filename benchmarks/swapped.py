@@ -1,0 +1,79 @@
+"""Why a perfect filter can hurt: UCT-BEST's samples with the hyperparameters of UCT-NONE.
+
+``python -m benchmarks.swapped RESULTS`` takes the stored missions of the multiverse, and the
+``multiverse.parquet`` that ``infoplan multiverse`` has made of them. For each joint universe in
+which UCT-BEST ends above UCT-NONE by more than the margin at rho 0.10 it prints a row of a Markdown
+table, means over seeds of the final RMSE: UCT-BEST as it ended; UCT-BEST's samples with its own
+last hyperparameters and with UCT-NONE's, by the exact process; UCT-NONE as it ended; and by how
+much the samples with those of UCT-NONE differ from that, with a 95 % t interval. Where the last is
+about zero the hyperparameters make the difference, not the places.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from infoplan.analyse.multiverse import errors_by_universe
+from infoplan.analyse.statistics import mean_interval
+from infoplan.analyse.tables import find_missions, study_of
+from infoplan.analyse.universe_numbers import OPTIONS, read, universes_of_runs
+from infoplan.model import GaussianProcess
+from infoplan.wording import figure, interval
+
+RHO = 0.1
+MARGIN = 0.05
+"""Of the terrain's deviation, as in the claims."""
+
+
+def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, ...]:
+    """Give the final RMSE of one seed: BEST, its samples by both methods' hyperparameters, NONE."""
+    samples, maps, ends, others = (
+        pd.read_parquet(folder / table / f"run={run}" / f"seed={seed}.parquet", partitioning=None)
+        for table, run in (("samples", best), ("maps", best), ("curves", best), ("curves", none))
+    )
+    x, y = samples[["x1", "x2"]].to_numpy(), samples["measured"].to_numpy()
+    pilot, used = (samples["epoch"] == 0).to_numpy(), samples["used"].to_numpy()
+    model = GaussianProcess(x[pilot], y[pilot])
+    model.replace(x[used], y[used])
+    errors = []
+    for row in (ends.iloc[-1], others.iloc[-1]):
+        model.recall({name: float(row[name]) for name in vars(model.hyperparameters)})
+        mean, _ = model.predict(maps[["x1", "x2"]].to_numpy())
+        errors.append(float(np.sqrt(np.mean((mean - maps["truth"].to_numpy()) ** 2))))
+    return float(ends["rmse"].iloc[-1]), *errors, float(others["rmse"].iloc[-1])
+
+
+def main() -> None:
+    """Print the table."""
+    folder = Path(sys.argv[1])
+    multiverse = read(folder / "multiverse.parquet")
+    ends = errors_by_universe(multiverse, RHO)
+    worse = ends["UCT-BEST"] - ends["UCT-NONE"] > MARGIN * multiverse.deviation
+    joint = [one.name for one in multiverse.universes if one.is_joint and worse[one.name]]
+    selection = study_of(find_missions(folder, rho=RHO), free=OPTIONS)
+    belongs = universes_of_runs(selection)
+    missions = selection.missions[selection.missions["run"].isin(belongs)]
+    of_run = missions.drop_duplicates("run").set_index("run")["method"]
+    print(
+        "| universe | UCT-BEST | its samples, its own | its samples, UCT-NONE's | UCT-NONE | "
+        "differs |"
+    )
+    print("|---|---:|---:|---:|---:|---:|")
+    for name in joint:
+        best, none = (
+            next(run for run, universes in belongs.items()
+                 if name in universes and of_run[run] == method)
+            for method in ("UCT-BEST", "UCT-NONE")
+        )  # fmt: skip
+        seeds = missions.loc[missions["run"] == best, "seed"]
+        found = np.array([by_swapping(folder, best, none, seed) for seed in seeds])
+        differs = mean_interval(found[:, 2] - found[:, 3])
+        cells = [*map(figure, found.mean(axis=0)),
+                 interval(differs.mean, differs.low, differs.high)]  # fmt: skip
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
