@@ -5,8 +5,9 @@
 which UCT-BEST ends above UCT-NONE by more than the margin at rho 0.10 it prints a row of a Markdown
 table, means over seeds of the final RMSE: UCT-BEST as it ended; UCT-BEST's samples with its own
 last hyperparameters and with UCT-NONE's, by the exact process; UCT-NONE as it ended; and by how
-much the samples with those of UCT-NONE differ from that, with a 95 % t interval. Where the last is
-about zero the hyperparameters make the difference, not the places.
+much the samples with those of UCT-NONE differ from that, with a 95 % t interval; and the
+lengthscales of both. Where those of UCT-NONE bring the samples near UCT-NONE's end the
+hyperparameters make the difference, not the places.
 """
 
 import sys
@@ -28,7 +29,14 @@ MARGIN = 0.05
 
 
 def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, ...]:
-    """Give the final RMSE of one seed: BEST, its samples by both methods' hyperparameters, NONE."""
+    """Give the numbers of one seed.
+
+    Returns
+    -------
+    tuple
+        Final RMSE of BEST, of its samples with its own hyperparameters and with NONE's, of NONE;
+        geometric means of the two lengthscales of BEST and NONE, in half the pilot's box.
+    """
     samples, maps, ends, others = (
         pd.read_parquet(folder / table / f"run={run}" / f"seed={seed}.parquet", partitioning=None)
         for table, run in (("samples", best), ("maps", best), ("curves", best), ("curves", none))
@@ -42,7 +50,9 @@ def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, .
         model.recall({name: float(row[name]) for name in vars(model.hyperparameters)})
         mean, _ = model.predict(maps[["x1", "x2"]].to_numpy())
         errors.append(float(np.sqrt(np.mean((mean - maps["truth"].to_numpy()) ** 2))))
-    return float(ends["rmse"].iloc[-1]), *errors, float(others["rmse"].iloc[-1])
+    rows = (ends.iloc[-1], others.iloc[-1])
+    lengthscales = [float(np.sqrt(row["lengthscale_1"] * row["lengthscale_2"])) for row in rows]
+    return float(rows[0]["rmse"]), *errors, float(rows[1]["rmse"]), *lengthscales
 
 
 def main() -> None:
@@ -58,9 +68,9 @@ def main() -> None:
     of_run = missions.drop_duplicates("run").set_index("run")["method"]
     print(
         "| universe | UCT-BEST | its samples, its own | its samples, UCT-NONE's | UCT-NONE | "
-        "differs |"
+        "differs | lengthscale of UCT-BEST | of UCT-NONE |"
     )
-    print("|---|---:|---:|---:|---:|---:|")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
     for name in joint:
         best, none = (
             next(run for run, universes in belongs.items()
@@ -70,8 +80,9 @@ def main() -> None:
         seeds = missions.loc[missions["run"] == best, "seed"]
         found = np.array([by_swapping(folder, best, none, seed) for seed in seeds])
         differs = mean_interval(found[:, 2] - found[:, 3])
-        cells = [*map(figure, found.mean(axis=0)),
-                 interval(differs.mean, differs.low, differs.high)]  # fmt: skip
+        told = interval(differs.mean, differs.low, differs.high)
+        means = [figure(value) for value in found.mean(axis=0)]
+        cells = [*means[:4], told, *means[4:]]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
