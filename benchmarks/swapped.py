@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from infoplan.analyse.judging import USUAL
 from infoplan.analyse.multiverse import errors_by_universe
 from infoplan.analyse.statistics import mean_interval
 from infoplan.analyse.tables import find_missions, study_of
@@ -24,8 +25,6 @@ from infoplan.model import GaussianProcess
 from infoplan.wording import figure, interval
 
 RHO = 0.1
-MARGIN = 0.05
-"""Of the terrain's deviation, as in the claims."""
 
 
 def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, ...]:
@@ -60,7 +59,7 @@ def main() -> None:
     folder = Path(sys.argv[1])
     multiverse = read(folder / "multiverse.parquet")
     ends = errors_by_universe(multiverse, RHO)
-    worse = ends["UCT-BEST"] - ends["UCT-NONE"] > MARGIN * multiverse.deviation
+    worse = ends["UCT-BEST"] - ends["UCT-NONE"] > USUAL.margin * multiverse.deviation
     joint = [one.name for one in multiverse.universes if one.is_joint and worse[one.name]]
     selection = study_of(find_missions(folder, rho=RHO), free=OPTIONS)
     belongs = universes_of_runs(selection)
