@@ -232,16 +232,16 @@ def on_universes(common: float, trials: int, seed: int = 0) -> tuple[float, floa
         and some pair, has an adjusted p of at most 0.05.
     """
     there = joint_universes()
-    names, sides = tuple(one.name for one in there), COMPARISONS["C7"](MadeUp(1, _rng(seed)))
+    names = tuple(one.name for one in there)
     levels = pd.get_dummies(pd.DataFrame([dict(one.levels) for one in there])).to_numpy(float)
     multiverse = Multiverse(pd.DataFrame({"universe": names}), (), "helens", "ft", 2000, "gp", 1.0)
-    rng, held, found, paired = _rng(seed), [], 0, 0
+    rng, held, found, paired = np.random.default_rng(seed), [], 0, 0
     for _ in range(trials):
         reactions = common * rng.standard_normal((levels.shape[1], SEEDS_OF_UNIVERSES))
         own = rng.standard_normal((len(there), 1))
         noise = NOISE * rng.standard_normal((len(there), SEEDS_OF_UNIVERSES))
         curve = ClaimCurve(
-            "C7", 0, "", "ft", sides[0].stated, names, own + noise + levels @ reactions,
+            "C7", 0, "", "ft", Stated(), names, own + noise + levels @ reactions,
             tuple(range(SEEDS_OF_UNIVERSES)), ("undecided",) * len(there),
         )  # fmt: skip
         jointly = effects_jointly(curve, multiverse)
@@ -249,10 +249,6 @@ def on_universes(common: float, trials: int, seed: int = 0) -> tuple[float, floa
         found += bool((jointly["p"] <= 0.05).any())
         paired += bool((pairs_of_choices(curve, multiverse)["p"] <= 0.05).any())
     return float(np.mean(held)), found / trials, paired / trials
-
-
-def _rng(seed: int) -> np.random.Generator:
-    return np.random.default_rng(seed)
 
 
 def percent(share: float) -> str:

@@ -290,11 +290,11 @@ def effects_jointly(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
         kept = [column for column in range(design.shape[1]) if column not in mine]
         without = _least_squares(design[:, kept], effects)
         share = (without.squares - fitted.squares) / total if total else np.nan
+        p = fitted.p(list(mine))
         rows += [
-            {"choice": choice, "level": level, **fitted.coefficient(column), "share": share,
-             "p": fitted.p(list(mine))}
+            {"choice": choice, "level": level, **fitted.coefficient(column), "share": share, "p": p}
             for column, level in mine.items()
-        ]  # fmt: skip
+        ]
     table = pd.DataFrame(rows)
     of_choice = table.drop_duplicates("choice").set_index("choice")["p"]
     adjusted = pd.Series(holm(of_choice), index=of_choice.index)

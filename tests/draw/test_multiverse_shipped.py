@@ -58,7 +58,10 @@ def test_the_control_is_of_the_same_missions(shipped):
     assert (exact.model, shipped.model) == ("gp", "vecchia")
     assert (exact.terrain, exact.budget) == (shipped.terrain, shipped.budget)
     names = [one.name for one in exact.universes]
-    assert {"default", "joint 1"} <= set(names)
+    joint = [one.name for one in exact.universes if one.is_joint]
+    assert joint == [f"joint {number}" for number in range(1, 73, 24)]
+    assert names[0] == DEFAULT
+    assert len(names) == 7
     found = compare_models(shipped, exact)
     assert len(found) == 4 * len(names)
     page = " ".join((ROOT / "docs" / "multiverse.md").read_text(encoding="utf-8").split())
@@ -89,6 +92,18 @@ def test_counts_in_the_prose_are_those_of_the_file(shipped):
         rf"instead of {collapsed['UCT-NONE']:.0f} \(medians\), UCT-COPOD below it in {below:.0f} "
         f"and above it in {above:.0f}", page
     )  # fmt: skip
+    few, many = (orders_by_collapse(shipped, rho) for rho in (0.05, 0.15))
+    told = [f"{found.loc[False, name]:.0f}" for found in (few, many)
+            for name in ("UCT-COPOD < UCT-NONE", "universes", "UCT-COPOD > UCT-NONE")]  # fmt: skip
+    assert (
+        f"at 0.05 {few.loc[True, 'universes']:.0f} universes collapse, and UCT-COPOD ends below "
+        f"UCT-NONE in {told[0]} of the {told[1]} others and above it in {told[2]}; at 0.15 it is "
+        f"below in {told[3]} of {told[4]}, above in {told[5]}."
+    ) in page
+    judged = {curve.name: curve.verdicts for curve in claim_curves(shipped, ["C1", "C6"])}
+    supported, contradicted = (judged["C1"].count(one) for one in ("supported", "contradicted"))
+    assert f"holds in {supported}, all joint, and is contradicted in {contradicted}" in page
+    assert "supported" not in judged["C6"]
     pays = f"{collapsed['UCT-COPOD < UCT-NONE']:.0f} of {collapsed['universes']:.0f}"
     rarely = f"{below:.0f} of {others['universes']:.0f}"
     assert (

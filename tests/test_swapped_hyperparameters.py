@@ -7,7 +7,7 @@ from flown import short_mission, store
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF
 
-from benchmarks.swapped import by_swapping
+from benchmarks.swapped_hyperparameters import by_swapping
 from infoplan.model.scaling import Scaler
 
 

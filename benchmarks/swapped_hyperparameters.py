@@ -1,6 +1,6 @@
 """Why a perfect filter can hurt: UCT-BEST's samples with the hyperparameters of UCT-NONE.
 
-``python -m benchmarks.swapped RESULTS`` takes the stored missions of the multiverse, and the
+``python -m benchmarks.swapped_hyperparameters RESULTS`` takes the stored missions of the multiverse, and the
 ``multiverse.parquet`` that ``infoplan multiverse`` has made of them. For each joint universe in
 which UCT-BEST ends above UCT-NONE by more than the margin at rho 0.10 it prints a row of a Markdown
 table, means over seeds of the final RMSE: UCT-BEST as it ended; UCT-BEST's samples with its own
@@ -44,12 +44,11 @@ def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, .
     pilot, used = (samples["epoch"] == 0).to_numpy(), samples["used"].to_numpy()
     model = GaussianProcess(x[pilot], y[pilot])
     model.replace(x[used], y[used])
-    errors = []
-    for row in (ends.iloc[-1], others.iloc[-1]):
+    rows, errors = (ends.iloc[-1], others.iloc[-1]), []
+    for row in rows:
         model.recall({name: float(row[name]) for name in vars(model.hyperparameters)})
         mean, _ = model.predict(maps[["x1", "x2"]].to_numpy())
         errors.append(float(np.sqrt(np.mean((mean - maps["truth"].to_numpy()) ** 2))))
-    rows = (ends.iloc[-1], others.iloc[-1])
     lengthscales = [float(np.sqrt(row["lengthscale_1"] * row["lengthscale_2"])) for row in rows]
     return float(rows[0]["rmse"]), *errors, float(rows[1]["rmse"]), *lengthscales
 
