@@ -1,12 +1,12 @@
 """Why a perfect filter can hurt: UCT-BEST's samples with the hyperparameters of UCT-NONE.
 
-``python -m benchmarks.swapped_hyperparameters RESULTS`` takes the stored missions of the multiverse, and the
-``multiverse.parquet`` that ``infoplan multiverse`` has made of them. For each joint universe in
-which UCT-BEST ends above UCT-NONE by more than the margin at rho 0.10 it prints a row of a Markdown
-table, means over seeds of the final RMSE: UCT-BEST as it ended; UCT-BEST's samples with its own
-last hyperparameters and with UCT-NONE's, by the exact process; UCT-NONE as it ended; and by how
-much the samples with those of UCT-NONE differ from that, with a 95 % t interval; and the
-lengthscales of both. Where those of UCT-NONE bring the samples near UCT-NONE's end the
+``python -m benchmarks.swapped_hyperparameters RESULTS`` takes the stored missions of the
+multiverse, and the ``multiverse.parquet`` that ``infoplan multiverse`` has made of them. For each
+joint universe in which UCT-BEST ends above UCT-NONE by more than the margin at rho 0.10 it prints a
+row of a Markdown table, means over seeds of the final RMSE: UCT-BEST as it ended; UCT-BEST's
+samples with its own last hyperparameters and with UCT-NONE's, by the exact process; UCT-NONE as it
+ended; and by how much the samples with those of UCT-NONE differ from that, with a 95 % t interval;
+and the lengthscales of both. Where those of UCT-NONE bring the samples near UCT-NONE's end the
 hyperparameters make the difference, not the places.
 """
 
