@@ -1,6 +1,6 @@
 """What a mission needs of a machine, in memory and time, estimated before it is flown.
 
-The estimates are of peaks, as measured on missions, and rather low than high: only what certainly
+Memory is that of peaks, as measured on missions, and rather low than high: only what certainly
 cannot be done is refused.
 """
 
@@ -48,8 +48,11 @@ GROUP = 25
 BLOCK = 512
 """Nodes that are predicted at a time."""
 
-FLOPS = 2e9
-"""Floating-point operations a second of the matrix routines, of an old machine."""
+PASSES = {"gp": 1, "student_t": 4, "rcgp": 2, "itgp": 2, "relevance_pursuit": 8}
+"""Factors of the matrix that an iteration of a model takes, about, as measured at 1000 samples."""
+
+MATRIX_FLOPS, BLOCK_FLOPS = 3e10, 8e9
+"""Operations a second of one core, in large matrices and in those of nearest neighbours."""
 
 STEP_SECONDS, CHOICE_SECONDS = 1e-8, 2e-9
 """Of a step of the robot in the tree search, and of an action that it looks at."""
@@ -148,25 +151,30 @@ def check_mission(config: MissionConfig) -> None:
 
 
 def seconds_of(config: MissionConfig) -> float:
-    """Estimate roughly, and rather too few, the seconds of a mission, from its operations."""
+    """Estimate the seconds of a mission from its operations.
+
+    Two or three times too many or too few are usual: what a core can do, and how long the
+    planner's paths become, shows only in flight.
+    """
     budget, pilot = float(config.budget), float(config.pilot.samples)
     nodes, robot, planner = float(config.grid[0]) * config.grid[1], config.robot, config.planner
     batch = min(_plan_actions(config) * robot.samples_per_action, budget)
     epochs = max((budget - pilot) / batch, 1.0)
     per_epoch = batch if config.model.iterations == "per_sample" else float(config.model.iterations)
-    operations = 0.0
+    seconds = 0.0
     if config.model.name == "vecchia":
         block, near = config.model.block, config.model.neighbours + config.model.block
         fitted = config.model.pilot_iterations * pilot + epochs * per_epoch * budget / 2
-        operations += fitted / block * near**3
-        operations += epochs * nodes / GROUP * min(config.model.prediction_neighbours, budget) ** 3
-    if config.model.name in PAIR_BYTES:
+        predicted = epochs * nodes / GROUP * min(config.model.prediction_neighbours, budget) ** 3
+        seconds += (fitted / block * near**3 + predicted) / BLOCK_FLOPS
+    if config.model.name in PASSES:
         # Of the factors of ever larger matrices the mean is a quarter of the last, of squares a
         # third.
-        operations += config.model.pilot_iterations * pilot**3
-        operations += epochs * (per_epoch * budget**3 / 4 + nodes * budget**2 / 3)
+        factors = config.model.pilot_iterations * pilot**3 + epochs * per_epoch * budget**3 / 4
+        predicted = epochs * nodes * budget**2 / 3
+        seconds += (PASSES[config.model.name] * factors + predicted) / MATRIX_FLOPS
     if _of_covariance(config):
-        operations += epochs * (nodes**2 * budget / 2 + nodes**3)
+        seconds += epochs * (nodes**2 * budget / 2 + nodes**3) / MATRIX_FLOPS
     along = robot.samples_per_action
     if isinstance(planner, TreeSearchConfig):
         ahead = planner.rollouts * (along if planner.rollout_step == "action" else 1)
@@ -180,7 +188,7 @@ def seconds_of(config: MissionConfig) -> float:
         planning = planner.samples**2 * CHOICE_SECONDS
     else:
         planning = _plan_actions(config) * robot.steering_angles * along * PYTHON_STEP_SECONDS
-    return operations / FLOPS + epochs * planning
+    return seconds + epochs * planning
 
 
 def _neighbour_bytes(config: MissionConfig) -> float:

@@ -83,7 +83,7 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
         seconds = {name: study.pace.seconds(kind_of(run.science)) for name, run in of_run.items()}
         by = "by the missions stored"
         if None in seconds.values():
-            by = "on a slow machine, by their operations: no mission is stored yet to tell better"
+            by = "by their operations: no mission is stored yet to tell better"
             seconds = {name: seconds_of(run.config) for name, run in of_run.items()}
         say(console, _time(config, [seconds[task.run.name] or 0.0 for task in todo], by))
         most = max(memory_of(run.config) for run in of_run.values())

@@ -232,3 +232,23 @@ print(estimate / (1024 * (after - before)))
     done = subprocess.run([sys.executable, "-c", code, *options], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert 0.4 < float(done.stdout) < 1.6
+
+
+@pytest.mark.parametrize(
+    ("options", "measured"),
+    [
+        ([], 14.2),
+        (["model.iterations=20"], 72.2),
+        (["model.optimizer=lbfgs"], 11.5),
+        (["budget=1000"], 1.24),
+        (["model=student_t", "budget=1000"], 6.2),
+        (["model=relevance_pursuit", "budget=1000"], 13.2),
+        (["model=vecchia"], 1.68),
+        (["model=vecchia", "model.iterations=20"], 3.1),
+        (["model=vecchia", "planner.execute_actions=1"], 9.7),
+    ],
+)
+def test_a_guess_of_time_is_near_what_such_missions_took_on_a_server(options, measured):
+    """Medians of missions on helens, two at a time."""
+    guess = mission_cost.seconds_of(infoplan.configure("planner=puct", "detector=copod", *options))
+    assert measured / 3 < guess < 3 * measured
