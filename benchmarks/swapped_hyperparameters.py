@@ -5,9 +5,9 @@ multiverse, and the ``multiverse.parquet`` that ``infoplan multiverse`` has made
 joint universe in which UCT-BEST ends above UCT-NONE by more than the margin at rho 0.10 it prints a
 row of a Markdown table, means over seeds of the final RMSE: UCT-BEST as it ended; UCT-BEST's
 samples with its own last hyperparameters and with UCT-NONE's, by the exact process; UCT-NONE as it
-ended; and by how much the samples with those of UCT-NONE differ from that, with a 95 % t interval;
-and the lengthscales of both. Where those of UCT-NONE bring the samples near UCT-NONE's end the
-hyperparameters make the difference, not the places.
+ended; how far UCT-BEST, and its samples with those of UCT-NONE, end above that, with 95 % t
+intervals; and the lengthscales of both. Where those of UCT-NONE bring the samples near UCT-NONE's
+end the hyperparameters make the difference, not the places.
 """
 
 import sys
@@ -66,9 +66,9 @@ def main() -> None:
     of_run = missions.drop_duplicates("run").set_index("run")["method"]
     print(
         "| universe | UCT-BEST | its samples, its own | its samples, UCT-NONE's | UCT-NONE | "
-        "differs | lengthscale of UCT-BEST | of UCT-NONE |"
+        "UCT-BEST above it | with UCT-NONE's above it | lengthscale of UCT-BEST | of UCT-NONE |"
     )
-    print("|---|---:|---:|---:|---:|---:|---:|---:|")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|---:|")
     for name in joint:
         best, none = (
             next(run for run, universes in belongs.items()
@@ -77,10 +77,10 @@ def main() -> None:
         )  # fmt: skip
         seeds = missions.loc[missions["run"] == best, "seed"]
         found = np.array([by_swapping(folder, best, none, seed) for seed in seeds])
-        differs = mean_interval(found[:, 2] - found[:, 3])
-        told = interval(differs.mean, differs.low, differs.high)
+        above = [mean_interval(found[:, column] - found[:, 3]) for column in (0, 2)]
+        told = [interval(one.mean, one.low, one.high) for one in above]
         means = [figure(value) for value in found.mean(axis=0)]
-        cells = [*means[:4], told, *means[4:]]
+        cells = [*means[:4], *told, *means[4:]]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
