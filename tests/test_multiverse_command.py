@@ -224,6 +224,32 @@ def test_what_is_without_use_makes_no_difference(learning, choice, level):
     np.testing.assert_array_equal(*made)
 
 
+@pytest.mark.parametrize(
+    ("method", "pilot", "choice", "level"),
+    [("UCT-NONE", "spiky", "pilot", "spiky, judged"), ("UCT-NONE", "clean", "score", "paper"),
+     ("UCT-BEST", "clean", "spike draw", "batch")],
+)  # fmt: skip
+def test_levels_that_are_one_to_a_method_give_it_the_same_missions(method, pilot, choice, level):
+    default = {one.name: one.default for one in CHOICES} | {"pilot": pilot}
+    made = [Universe("made up", levels) for levels in (default, {**default, choice: level})]
+    assert made[0].levels_for(method) == made[1].levels_for(method)
+    detector = "none" if method == "UCT-NONE" else "best"
+    curves = []
+    for universe in made:
+        words = [f"{name}={value}" for name, value in universe.options(method).items()]
+        config = compose(["planner=uct", f"detector={detector}", *SMALL, *words])
+        curves.append(infoplan.fly(config).curves["rmse"])
+    np.testing.assert_array_equal(*curves)
+
+
+@pytest.mark.parametrize("pilot", ["spiky", "spiky, judged"])
+def test_levels_that_make_a_difference_are_kept_apart(pilot):
+    levels = {one.name: one.default for one in CHOICES} | {"pilot": pilot, "spike draw": "batch"}
+    assert Universe("made up", levels).levels_for("UCT-BEST") == {
+        **levels, **{one.name: one.default for one in CHOICES if "UCT-BEST" not in one.methods}
+    }  # fmt: skip
+
+
 def test_scripts_are_told_how_claims_fare(tmp_path, capsys):
     table = tmp_path / "numbers.parquet"
     made = made_up(by_choice, there=universes()[:4])

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from infoplan.analyse.claims import COMPARISONS, TEXTS
+from infoplan.analyse.clustered import ClusteredFit, differences, fit
 from infoplan.analyse.judging import (
     CONTRADICTED,
     SUPPORTED,
@@ -276,23 +277,25 @@ def effects_jointly(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
     DataFrame
         A row a level other than the default: choice, level; mean, low, high of its coefficient,
         with 95 % t intervals; and for each choice, in all its rows, ``share``, the part of the
-        variance that only it explains, with ``p``, the least t test's of its levels, adjusted by
-        Bonferroni over these and by Holm over choices. Empty where there are too few universes.
+        variance that only it explains, and ``p``, the least of t tests of any two of its levels,
+        adjusted by Bonferroni over these and by Holm over choices. Empty where there are too few
+        universes.
     """
     there, effects = _joint_effects(curve, multiverse)
-    design, named = _design(there)
+    design, named = _design([one.levels_in_use for one in there])
     if len(there) <= design.shape[1]:
         return pd.DataFrame(columns=["choice", "level", "mean", "low", "high", "share", "p"])
-    fitted, total = _least_squares(design, effects), _squares(effects)
+    fitted, total = fit(design, effects), _squares(effects)
+    coefficients = _coefficients(fitted)
     rows = []
     for choice in dict.fromkeys(one for one, *_ in named):
         mine = {column: level for one, level, column in named if one == choice}
         kept = [column for column in range(design.shape[1]) if column not in mine]
-        without = _least_squares(design[:, kept], effects)
-        share = (without.squares - fitted.squares) / total if total else np.nan
-        p = fitted.p(list(mine))
+        gained = fit(design[:, kept], effects).squares - fitted.squares
+        share = gained / total if total else np.nan
+        p = fitted.estimates(differences(list(mine), design.shape[1])).p()
         rows += [
-            {"choice": choice, "level": level, **fitted.coefficient(column), "share": share, "p": p}
+            {"choice": choice, "level": level, **coefficients[column], "share": share, "p": p}
             for column, level in mine.items()
         ]
     table = pd.DataFrame(rows)
@@ -311,7 +314,8 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
     -------
     DataFrame
         A row a pair: first, second; ``share``, the part of the variance that the interaction
-        explains beyond the main effects; ``p``, adjusted as in `effects_jointly`; and of the
+        explains beyond the main effects; ``p``, the least of t tests of its combinations, adjusted
+        by Bonferroni over these and by Holm over pairs; and of the
         combination that it moves most: ``levels``, mean, low, high. Sorted by p.
     """
     main = effects_jointly(curve, multiverse)
@@ -319,9 +323,9 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
     if main.empty:
         return pd.DataFrame(columns=columns)
     there, effects = _joint_effects(curve, multiverse)
-    design, named = _design(there)
+    design, named = _design([one.levels_in_use for one in there])
     ranked = main.drop_duplicates("choice").sort_values("share", ascending=False)["choice"]
-    base, total = _least_squares(design, effects), _squares(effects)
+    base, total = fit(design, effects), _squares(effects)
     rows = []
     for first, second in combinations(ranked.head(most), 2):
         crossed = [
@@ -335,16 +339,16 @@ def pairs_of_choices(curve: ClaimCurve, multiverse: Multiverse, most: int = 5) -
         added = list(range(design.shape[1], len(kept)))
         if not added or len(there) <= len(kept):
             continue
-        fitted = _least_squares(wide[:, kept], effects)
+        fitted = fit(wide[:, kept], effects)
+        coefficients = _coefficients(fitted)
         moved = [
-            (crossed[kept[place] - design.shape[1]][0], fitted.coefficient(place))
-            for place in added
+            (crossed[kept[place] - design.shape[1]][0], coefficients[place]) for place in added
         ]
         label, largest = max(moved, key=lambda one: abs(one[1]["mean"]))
         gained = base.squares - fitted.squares
         rows.append(
             {"first": first, "second": second, "share": gained / total if total else np.nan,
-             "p": fitted.p(added), "levels": label, **largest}
+             "p": fitted.estimates(np.eye(len(kept))[added]).p(), "levels": label, **largest}
         )  # fmt: skip
     table = pd.DataFrame(rows, columns=columns)
     return table.assign(p=holm(table["p"])).sort_values("p", ignore_index=True)
@@ -356,17 +360,20 @@ def errors_by_universe(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
     Returns
     -------
     DataFrame
-        A row a universe: one column a method, its mean final RMSE over seeds, NaN where it was not
-        flown; and ``collapsed``, the share of the missions that end with a collapsed model, those
-        of UCT-BEST left out.
+        A row a universe: one column a method, its mean final RMSE over the seeds that all methods
+        flown there have, NaN where it was not flown; and ``collapsed``, the share of the missions
+        that end with a collapsed model, those of UCT-BEST left out.
     """
     missions = multiverse.missions
     missions = missions[(missions["rho"] == rho) & (missions["scope"] == "batch")]
-    ends = missions.pivot_table(index="universe", columns="method", values="final")
+    by_seed = missions.pivot(index=["universe", "seed"], columns="method", values="final")
+    there = by_seed.notna()
+    paired = (there == there.groupby("universe").transform("any")).all(axis=1)
+    ends = by_seed[paired].groupby("universe").mean()
     judged = missions[missions["method"] != "UCT-BEST"]
     collapsed = judged.groupby("universe")["collapsed"].mean()
-    there = [one.name for one in multiverse.universes]
-    return ends.reindex(columns=list(METHODS)).assign(collapsed=collapsed).reindex(there)
+    names = [one.name for one in multiverse.universes]
+    return ends.reindex(columns=list(METHODS)).assign(collapsed=collapsed).reindex(names)
 
 
 def compare_models(first: Multiverse, second: Multiverse, rho: float = 0.1) -> pd.DataFrame:
@@ -384,7 +391,7 @@ def compare_models(first: Multiverse, second: Multiverse, rho: float = 0.1) -> p
         missions = made.missions
         there = missions[(missions["rho"] == rho) & (missions["scope"] == "batch")]
         ends.append(there.set_index(["universe", "method", "seed"])["final"])
-    both = ends[1].to_frame("end").join(ends[0].rename("first"), how="inner")
+    both = ends[1].to_frame("end").join(ends[0].rename("first"), how="inner").dropna()
     rows = []
     for (universe, method), found in both.groupby(["universe", "method"], sort=False):
         more = mean_interval(found["first"] - found["end"])
@@ -392,8 +399,6 @@ def compare_models(first: Multiverse, second: Multiverse, rho: float = 0.1) -> p
                      "mean": more.mean, "low": more.low, "high": more.high})  # fmt: skip
     return pd.DataFrame(rows, columns=["universe", "method", "end", "mean", "low", "high"])
 
-
-_CONCERNED = {choice.name: choice.methods for choice in CHOICES}
 
 PAIRS = (("UCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-COPOD"))
 """Methods whose order `orders_by_collapse` tells."""
@@ -430,8 +435,7 @@ def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
     """How much every level moves each method's end, whatever the other choices are.
 
     Least squares, as in `effects_jointly`, of a method's mean final RMSE, scope batch, on the
-    levels of the choices that concern it, over the joint universes in which all four methods were
-    flown.
+    levels as it meets them, over the joint universes in which all four methods were flown.
 
     Returns
     -------
@@ -439,35 +443,34 @@ def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
         A row a level other than the default and method: choice, level, method; mean, low, high of
         the coefficient, with 95 % t intervals. Empty where there are too few universes.
     """
-    complete = errors_by_universe(multiverse, rho).dropna().index
-    there = [one for one in multiverse.universes if one.is_joint and one.name in complete]
-    whole, named = _design(there)
+    flown = errors_by_universe(multiverse, rho)[list(METHODS)].replace(np.inf, np.nan).dropna()
+    there = [one for one in multiverse.universes if one.is_joint and one.name in flown.index]
     missions = multiverse.missions
     batch = missions[(missions["rho"] == rho) & (missions["scope"] == "batch")]
     ends = batch.pivot(index=["method", "universe"], columns="seed", values="final")
     rows = []
-    for method in METHODS if len(there) > whole.shape[1] else ():
-        mine = [name for name in named if method in _CONCERNED[name[0]]]
-        fitted = _least_squares(
-            whole[:, [0, *(column for *_, column in mine)]],
-            ends.loc[method].loc[[one.name for one in there]].to_numpy(float),
-        )
-        rows += [
-            {"choice": choice, "level": level, "method": method, **fitted.coefficient(place)}
-            for place, (choice, level, _) in enumerate(mine, start=1)
-        ]
+    for method in METHODS:
+        design, named = _design([one.levels_for(method) for one in there])
+        if len(there) > design.shape[1]:
+            values = ends.loc[method].loc[[one.name for one in there]].to_numpy(float)
+            coefficients = _coefficients(fit(design, values))
+            rows += [
+                {"choice": choice, "level": level, "method": method, **coefficients[column]}
+                for choice, level, column in named
+            ]
     return pd.DataFrame(rows, columns=["choice", "level", "method", "mean", "low", "high"])
 
 
 def joint_test(curve: ClaimCurve) -> JointTest:
     """Test a claim's effect over all universes at once, by all sign flips of the seeds.
 
-    A universe that lacks seeds, as one that is being flown, is left out; if all lack some, the
-    seeds are.
+    The seeds are those that most universes have; a universe that lacks one of them, as one that is
+    being flown, is left out.
     """
     known = np.isfinite(curve.effects)
-    whole = known.all(axis=1)
-    effects = curve.effects[whole] if whole.any() else curve.effects[:, known.all(axis=0)]
+    patterns, counts = np.unique(known, axis=0, return_counts=True)
+    seeds = patterns[np.lexsort((patterns.sum(axis=1), counts))[-1]]
+    effects = curve.effects[known[:, seeds].all(axis=1)][:, seeds]
     n = effects.shape[1]
     if n < 2:
         return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, 0)
@@ -522,45 +525,22 @@ def nearest_tenth(multiverse: Multiverse) -> list[str]:
     return ranked.head(max(1, round(NEAREST * len(ranked)))).tolist()
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """A least-squares fit over universes and seeds.
-
-    Attributes
-    ----------
-    coefficients, errors, freedom
-        Of each column: mean over seeds, its standard error and the degrees of freedom of that.
-    squares
-        What is left of the universes' means.
-    """
-
-    coefficients: Floats
-    errors: Floats
-    freedom: Floats
-    squares: float
-
-    def coefficient(self, column: int) -> dict[str, float]:
-        """Give a coefficient with its 95 % t interval."""
-        from scipy import special
-
-        half = float(special.stdtrit(self.freedom[column], 0.975)) * self.errors[column]
-        mean = float(self.coefficients[column])
-        return {"mean": mean, "low": mean - half, "high": mean + half}
-
-    def p(self, columns: list[int]) -> float:
-        """Give the least p of t tests that columns do nothing, times their number."""
-        from scipy import special
-
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = np.abs(self.coefficients[columns]) / self.errors[columns]
-        each = 2.0 * special.stdtr(self.freedom[columns], -t)
-        return float(min(len(columns) * each.min(), 1.0))
-
-
 def _joint_effects(curve: ClaimCurve, multiverse: Multiverse) -> tuple[list[Universe], Floats]:
     """Give the joint universes in which a claim is judged, and its effects there, by seed."""
-    there = [one for one in multiverse.universes if one.is_joint and one.name in curve.universes]
+    finite = {name for name, mean in zip(curve.universes, curve.means, strict=True)
+              if np.isfinite(mean)}  # fmt: skip
+    there = [one for one in multiverse.universes if one.is_joint and one.name in finite]
     return there, curve.effects[[curve.universes.index(one.name) for one in there]]
+
+
+def _coefficients(fitted: ClusteredFit) -> list[dict[str, float]]:
+    """Give each coefficient with its 95 % t interval."""
+    found = fitted.estimates(np.eye(len(fitted.weights)))
+    low, high = found.intervals()
+    return [
+        {"mean": one[0], "low": one[1], "high": one[2]}
+        for one in np.column_stack([found.mean, low, high]).tolist()
+    ]
 
 
 def _squares(effects: Floats) -> float:
@@ -569,49 +549,22 @@ def _squares(effects: Floats) -> float:
     return float(np.sum((means - means.mean()) ** 2))
 
 
-def _design(universes: Sequence[Universe]) -> tuple[Floats, list[tuple[str, str, int]]]:
+def _design(levels: Sequence[Mapping[str, str]]) -> tuple[Floats, list[tuple[str, str, int]]]:
     """Make a column of ones and one for each level that is not the default and that occurs.
 
-    A level that makes no difference in a universe is its default there.
+    Parameters
+    ----------
+    levels
+        Of every choice, in each universe.
     """
-    columns, named = [np.ones(len(universes))], []
-    idle = [one.idle for one in universes]
+    columns, named = [np.ones(len(levels))], []
     for choice in CHOICES:
         for level in list(choice.levels)[1:]:
-            has = np.array([one.levels[choice.name] == level and choice.name not in without_use
-                            for one, without_use in zip(universes, idle, strict=True)],
-                           dtype=float)  # fmt: skip
-            if 0 < has.sum() < len(universes):
+            has = np.array([one[choice.name] == level for one in levels], dtype=float)
+            if 0 < has.sum() < len(levels):
                 named.append((choice.name, level, len(columns)))
                 columns.append(has)
     return np.column_stack(columns), named
-
-
-def _least_squares(design: Floats, effects: Floats) -> _Fit:
-    """Fit the mean over seeds of effects (universes, seeds); an effect that is missing is its mean.
-
-    Errors are those of two-way clusters: variances add, and noise that is in both is taken off one
-    (Cameron, Gelbach and Miller, Journal of Business & Economic Statistics 29, 2011), with
-    degrees of freedom after Satterthwaite.
-    """
-    y = np.where(np.isfinite(effects), effects, np.nanmean(effects, axis=1, keepdims=True))
-    seeds, free = y.shape[1], len(design) - design.shape[1]
-    inverse = np.linalg.pinv(design)
-    by_seed = inverse @ y
-    coefficients, scale = by_seed.mean(axis=1), np.sum(inverse**2, axis=1)
-    squares = float(np.sum((y.mean(axis=1) - design @ coefficients) ** 2))
-    of_universes = scale * (squares / free if free else np.nan)
-    # A single seed tells nothing of others.
-    of_seeds = noise = np.full(len(scale), np.nan)
-    if seeds > 1 and free:
-        of_seeds = by_seed.var(axis=1, ddof=1) / seeds
-        noise = scale * np.sum((y - design @ by_seed).var(axis=1, ddof=1)) / seeds / free
-    common = np.maximum(of_seeds - noise, 0.0)
-    variance = of_universes + common
-    bottom = of_universes**2 / max(free, 1) + common**2 / max(seeds - 1, 1)
-    freedom = np.full(len(scale), float(free))
-    np.divide(variance**2, bottom, out=freedom, where=bottom > 0)
-    return _Fit(coefficients, np.sqrt(variance), freedom, squares)
 
 
 def _independent(design: Floats, sure: int) -> list[int]:

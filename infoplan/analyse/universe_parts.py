@@ -1,5 +1,6 @@
 """A multiverse in parts: what of it is whole, and two parts as one."""
 
+from collections import Counter
 from dataclasses import replace
 
 import pandas as pd
@@ -14,12 +15,14 @@ COMMON = ("terrain", "unit", "budget", "model", "axis")
 def whole(multiverse: Multiverse) -> Multiverse:
     """Leave out what is still being flown.
 
-    That is runs that lack seeds which others have, and of each universe the shares of outliers at
-    which it lacks a run that others have there.
+    That is seeds that most runs lack, runs that lack others, and of each universe the shares of
+    outliers at which it lacks a run that others have there.
     """
-    missions = multiverse.missions
-    of_run = missions.groupby(list(LABELS[:-1]))["seed"]
-    missions = missions[of_run.transform("nunique") == missions["seed"].nunique()]
+    missions, of_run = multiverse.missions, list(LABELS[:-1])
+    flown = Counter(missions.groupby(of_run)["seed"].agg(frozenset))
+    seeds = max(flown, key=lambda some: (flown[some], len(some)))
+    missions = missions[missions["seed"].isin(seeds)]
+    missions = missions[missions.groupby(of_run)["seed"].transform("nunique") == len(seeds)]
     runs = missions["method"] + " " + missions["scope"]
     there = runs.groupby([missions["universe"], missions["rho"]]).transform("nunique")
     most = there.groupby(missions["rho"]).transform("max")

@@ -136,6 +136,26 @@ class Universe:
             idle += ["noise"] if self.levels["noise"] == "restarted" else []
         return [name for name in self.changed if name in idle]
 
+    @property
+    def levels_in_use(self) -> dict[str, str]:
+        """Level of every choice, the default's where it is idle."""
+        default = {one.name: one.default for one in CHOICES if one.name in self.idle}
+        return {**self.levels, **default}
+
+    def levels_for(self, method: str) -> dict[str, str]:
+        """Level of every choice as a method meets it: the default's where it meets no difference.
+
+        Nothing judges what UCT-NONE measured in the pilot, and how large spikes are matters to
+        UCT-BEST only in the pilot, to which the scales are fitted.
+        """
+        levels = self.levels_in_use
+        levels |= {one.name: one.default for one in CHOICES if method not in one.methods}
+        if method == "UCT-NONE" and levels["pilot"] == "spiky, judged":
+            levels["pilot"] = "spiky"
+        if method == "UCT-BEST" and levels["pilot"] == "clean":
+            levels["spike draw"] = "spike"
+        return levels
+
     def options(self, method: str) -> dict[str, str]:
         """Options of a method in this universe that are not the defaults, as they are typed."""
         options: dict[str, str] = {}

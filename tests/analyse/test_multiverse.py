@@ -92,12 +92,19 @@ def joint_design(methods):
     """Levels that can matter to one of some methods, and in which joint universes they do."""
     names = [(c.name, level) for c in CHOICES if set(methods) & set(c.methods)
              for level in list(c.levels)[1:]]  # fmt: skip
+    only_none, only_best = (methods == [name] for name in ("UCT-NONE", "UCT-BEST"))
+    if only_none:
+        names.remove(("pilot", "spiky, judged"))
 
     def has(one, name, level):
-        learning = one.levels["learning"]
+        learning, pilot = one.levels["learning"], one.levels["pilot"]
         if name == "learning rate" and learning in ("lbfgs 5", "lbfgs 20"):
             return False
         if learning == "frozen" and level in ("restarted", "reset"):
+            return False
+        if only_none and name == "pilot":
+            return pilot != "clean"
+        if only_best and name == "spike draw" and pilot == "clean":
             return False
         return one.levels[name] == level
 
@@ -106,25 +113,36 @@ def joint_design(methods):
 
 
 def fits_of_statsmodels(effects, design):
-    """Coefficients, 95 % intervals and p, from a fit of the means and one of each seed."""
+    """Fit the means, and each seed.
+
+    Gives the fit, and a function of a combination of coefficients: its 95 % interval, and p.
+    """
     n, seeds = len(design), effects.shape[1]
     fitted = OLS(effects.mean(axis=1), design).fit()
+    robust = fitted.get_robustcov_results("HC2").cov_params()
     by_seed = [OLS(one, design).fit() for one in effects.T]
-    left = np.stack([one.resid for one in by_seed])
-    # What seeds differ by in each universe for itself, beyond what the levels explain.
-    own = np.sum(np.var(left, axis=0, ddof=1)) / (n - design.shape[1])
-    unit = fitted.bse**2 / fitted.mse_resid
-    common = np.var([one.params for one in by_seed], axis=0, ddof=1) / seeds - unit * own / seeds
-    parts = np.stack([fitted.bse**2, np.clip(common, 0.0, None)])
-    freedom = np.sum(parts, axis=0) ** 2 / (
-        parts[0] ** 2 / (n - design.shape[1]) + parts[1] ** 2 / (seeds - 1)
-    )
-    spread = t_distribution(freedom, fitted.params, np.sqrt(parts.sum(axis=0)))
-    return (
-        fitted,
-        np.stack(spread.interval(0.95), axis=1),
-        2 * np.minimum(spread.cdf(0.0), spread.sf(0.0)),
-    )
+    influence, inverse = fitted.get_influence(), np.linalg.inv(design.T @ design)
+    left = np.eye(n) - design @ inverse @ design.T
+    scaled = np.stack([one.resid for one in by_seed]) / np.sqrt(1 - influence.hat_matrix_diag)
+
+    def judge(combination):
+        weight = design @ inverse @ combination
+        # Bell and McCaffrey: squares of a normal vector's projections on these columns.
+        columns = left * (weight / np.sqrt(np.diag(left)))
+        roots = np.linalg.eigvalsh(columns.T @ columns)
+        free = roots.sum() ** 2 / np.sum(roots**2)
+        units = combination @ robust @ combination
+        common = np.var([combination @ one.params for one in by_seed], ddof=1) / seeds
+        # What seeds differ by in each universe for itself, beyond what the levels explain.
+        own = weight**2 @ np.var(scaled, axis=0, ddof=1) / seeds
+        bottom = units**2 / free
+        if common > own:
+            bottom += common**2 / (seeds - 1) + own**2 / (seeds - 1) / free
+        variance = units + max(common - own, 0)
+        spread = t_distribution(variance**2 / bottom, combination @ fitted.params, variance**0.5)
+        return spread.interval(0.95), 2 * min(spread.cdf(0), spread.sf(0))
+
+    return fitted, judge
 
 
 def test_joint_effects_are_those_of_statsmodels():
@@ -138,14 +156,18 @@ def test_joint_effects_are_those_of_statsmodels():
     (curve,) = claim_curves(multiverse, ["C7"])
     table = effects_jointly(curve, multiverse)
     names, design = joint_design(METHODS)
-    fitted, intervals, p = fits_of_statsmodels(curve.effects[-JOINT:], design)
+    fitted, judge = fits_of_statsmodels(curve.effects[-JOINT:], design)
+    units = np.eye(design.shape[1])
     assert list(zip(table["choice"], table["level"], strict=True)) == names
     np.testing.assert_allclose(table["mean"], fitted.params[1:], atol=1e-9)
-    np.testing.assert_allclose(table[["low", "high"]], intervals[1:], atol=1e-9)
+    np.testing.assert_allclose(
+        table[["low", "high"]], [judge(unit)[0] for unit in units[1:]], atol=1e-9
+    )
     ps, gained = [], []
     for choice in CHOICES:
         mine = [i + 1 for i, n in enumerate(names) if n[0] == choice.name]
-        ps.append(min(len(mine) * p[mine].min(), 1.0))
+        any_two = [units[i] - (units[j] if j else 0) for i in mine for j in [0, *mine] if j < i]
+        ps.append(min(len(any_two) * min(judge(one)[1] for one in any_two), 1.0))
         without = OLS(curve.means[-JOINT:], np.delete(design, mine, axis=1)).fit()
         gained.append((without.ssr - fitted.ssr) / fitted.centered_tss)
     adjusted = multipletests(ps, method="holm")[1]
@@ -233,11 +255,12 @@ def test_what_a_level_adds_to_errors_is_least_squares(multiverse):
             index="universe", columns="seed", values="final"
         )
         effects = ends.loc[[one.name for one in joint_universes()]].to_numpy()
-        fitted, intervals, _ = fits_of_statsmodels(effects, design)
+        fitted, judge = fits_of_statsmodels(effects, design)
+        intervals = [judge(unit)[0] for unit in np.eye(design.shape[1])[1:]]
         rows = found[found["method"] == method]
         assert list(zip(rows["choice"], rows["level"], strict=True)) == names
         np.testing.assert_allclose(rows["mean"], fitted.params[1:], atol=1e-6)
-        np.testing.assert_allclose(rows[["low", "high"]], intervals[1:], atol=1e-6)
+        np.testing.assert_allclose(rows[["low", "high"]], intervals, atol=1e-6)
     few = made_up(by_choice, there=universes()[:5])
     assert errors_jointly(few).empty
 
@@ -314,6 +337,57 @@ def test_the_joint_test_is_of_whole_universes():
         found = joint_test(replace(curve, effects=effects))
         assert found == joint_test(replace(curve, effects=expected))
         assert found.flips == 2 ** expected.shape[1]
+
+
+def test_the_joint_test_is_of_the_seeds_that_most_have():
+    (curve,) = claim_curves(made_up(by_choice, there=universes()[:5]), ["C2"])
+    more = np.column_stack([curve.effects, np.full(5, np.nan)])
+    more[0, -1] = 1e6
+    assert joint_test(replace(curve, effects=more)) == joint_test(curve)
+
+
+def test_ends_are_of_the_seeds_that_all_methods_have():
+    few = universes()[:3]
+    made = made_up(by_choice, there=few, noise=30.0)
+    m = made.missions
+    lacks = (m["universe"] == few[1].name) & (m["method"] == "UCT-BEST") & (m["seed"] == 2)
+    never = (m["universe"] == few[2].name) & (m["method"] == "UCT-COPOD")
+    part = replace(made, missions=m[~lacks & ~never])
+    ends = errors_by_universe(part)
+    wanted = m[(m["rho"] == 0.1) & (m["scope"] == "batch") & (m["method"] == "UCT-NONE")]
+    for one, seeds in zip(few, [range(6), (0, 1, 3, 4, 5), range(6)], strict=True):
+        mine = wanted[(wanted["universe"] == one.name) & wanted["seed"].isin(seeds)]
+        assert ends.loc[one.name, "UCT-NONE"] == pytest.approx(mine["final"].mean())
+    assert np.isnan(ends.loc[few[2].name, "UCT-COPOD"])
+
+
+def test_a_mission_without_an_end_takes_its_universe_out_of_what_is_fitted():
+    made = made_up(by_choice)
+    m = made.missions
+    name = joint_universes()[3].name
+    one = (m["universe"] == name) & (m["method"] == "UCT-NONE") & (m["rho"] == 0.1)
+    infinite = m.assign(final=m["final"].where(~(one & (m["seed"] == 2)), np.inf))
+    without = m[m["universe"] != name]
+    (ours, theirs) = (replace(made, missions=some) for some in (infinite, without))
+    pd.testing.assert_frame_equal(errors_jointly(ours), errors_jointly(theirs))
+    curves = [claim_curves(some, ["C7"])[0] for some in (ours, theirs)]
+    pd.testing.assert_frame_equal(
+        effects_jointly(curves[0], ours), effects_jointly(curves[1], theirs)
+    )
+
+
+def test_two_levels_that_differ_from_each_other_alone_are_found():
+    """By more than each does from the default: a test against that would miss them."""
+    moves = {"0.4": 22.0, "1": -22.0, "0.7": 0.0}
+    rng = np.random.default_rng(2)
+    made = made_up(lambda one, method, rho: 400.0 + (method == "UCT-NONE") * (
+        moves[one.levels["speed"]] + 60.0 * rng.standard_normal()))  # fmt: skip
+    (curve,) = claim_curves(made, ["C7"])
+    table = effects_jointly(curve, made).set_index("choice")
+    speed = table.loc["speed"]
+    # At 1.6 half widths p times the 36 levels and choices is 0.1.
+    assert (speed["mean"].abs() < 1.6 * (speed["high"] - speed["mean"])).all()
+    assert set(table.index[table["p"] < 0.05]) == {"speed"}
 
 
 def test_the_joint_test_is_rarely_wrong_without_effect():

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from universes import by_choice, made_up
 
-from infoplan.analyse.universe_numbers import read, write
+from infoplan.analyse.universe_numbers import in_order, read, write
 from infoplan.analyse.universe_parts import joined, whole
 from infoplan.errors import UsageError
 from infoplan.study.universes import universes
@@ -33,6 +33,14 @@ def test_what_is_being_flown_is_no_part():
     expected = m[~last | (m["rho"] == 0.05)]
     pd.testing.assert_frame_equal(found, expected.reset_index(drop=True))
     pd.testing.assert_frame_equal(whole(made).missions, m)
+
+
+def test_a_seed_that_one_run_has_more_costs_the_others_nothing():
+    made = made_up(by_choice, there=FEW)
+    m = made.missions
+    one = m[(m["universe"] == FEW[0].name) & (m["seed"] == 5)].assign(seed=6)
+    more = replace(made, missions=in_order(pd.concat([m, one])))
+    pd.testing.assert_frame_equal(whole(more).missions, m)
 
 
 def test_parts_make_the_whole_whatever_their_order():
