@@ -37,11 +37,11 @@ so that two one-sided tests can succeed at all."""
 FAR = 1e6
 """So many margins inside of the stated side, a comparison is always supported."""
 
-SEEDS_OF_UNIVERSES, NOISE = 6, 0.9
-"""Of the multiverse, and the deviation of a universe's seeds where that of universes is 1."""
+SEEDS_OF_UNIVERSES = 6
+"""Of the multiverse."""
 
-COMMON = (0.0, 0.3, 0.6)
-"""Deviations of a seed's reaction to a level, there."""
+UNEQUAL = ("contamination", "0.2")
+"""Level whose universes may vary more than others."""
 
 MAPS = (1.0, 2.0, 4.0)
 """Deviations of the seeds on each map."""
@@ -210,16 +210,42 @@ def on_maps(n: int, trials: int, seed: int = 0) -> tuple[float, float]:
     return hits / trials, probable / trials
 
 
-def on_universes(common: float, trials: int, seed: int = 0) -> tuple[float, float, float]:
+@dataclass(frozen=True)
+class Universes:
+    """What made-up multiverses without any effect are drawn from.
+
+    Attributes
+    ----------
+    noise
+        Deviation of a universe's seeds, where that of universes is 1.
+    reaction
+        Of a seed's reaction to a level, the same in all universes.
+    unequal
+        Of the universes with the level `UNEQUAL`.
+    """
+
+    noise: float = 0.9
+    reaction: float = 0.0
+    unequal: float = 1.0
+
+
+SCENES = (
+    *(Universes(reaction=reaction) for reaction in (0.0, 0.3, 0.6, 1.5)),
+    Universes(noise=2.5, reaction=0.3),
+    Universes(unequal=3.0, reaction=0.3),
+)
+
+
+def on_universes(scene: Universes, trials: int, seed: int = 0) -> tuple[float, float, float, float]:
     """Coverage of a level's coefficient over joint universes, and how often p finds what is not.
 
-    Nothing matters, but each universe has an effect of its own, of deviation 1, a universe's seeds
-    vary about it, and each seed has reactions of its own to every level, the same in all universes.
+    Nothing matters, but each universe has an effect of its own, a universe's seeds vary about it,
+    and each seed has reactions of its own to every level. All are normal.
 
     Parameters
     ----------
-    common
-        Deviation of a seed's reaction to a level.
+    scene
+        Their deviations.
     trials
         Multiverses.
     seed
@@ -228,27 +254,32 @@ def on_universes(common: float, trials: int, seed: int = 0) -> tuple[float, floa
     Returns
     -------
     tuple
-        Share of the levels' intervals that hold zero; shares of the trials in which some choice,
-        and some pair, has an adjusted p of at most 0.05.
+        Shares of the intervals that hold zero, of all levels and of `UNEQUAL`; shares of the trials
+        in which some choice, and some pair, has an adjusted p of at most 0.05.
     """
     there = joint_universes()
     names = tuple(one.name for one in there)
     levels = pd.get_dummies(pd.DataFrame([dict(one.levels) for one in there])).to_numpy(float)
     multiverse = Multiverse(pd.DataFrame({"universe": names}), (), "helens", "ft", 2000, "gp", 1.0)
+    choice, level = UNEQUAL
+    deviation = np.array([scene.unequal if one.levels[choice] == level else 1.0 for one in there])
     rng, held, found, paired = np.random.default_rng(seed), [], 0, 0
     for _ in range(trials):
-        reactions = common * rng.standard_normal((levels.shape[1], SEEDS_OF_UNIVERSES))
-        own = rng.standard_normal((len(there), 1))
-        noise = NOISE * rng.standard_normal((len(there), SEEDS_OF_UNIVERSES))
+        reactions = scene.reaction * rng.standard_normal((levels.shape[1], SEEDS_OF_UNIVERSES))
+        own = deviation[:, None] * rng.standard_normal((len(there), 1))
+        noise = scene.noise * rng.standard_normal((len(there), SEEDS_OF_UNIVERSES))
         curve = ClaimCurve(
             "C7", 0, "", "ft", Stated(), names, own + noise + levels @ reactions,
             tuple(range(SEEDS_OF_UNIVERSES)), ("undecided",) * len(there),
         )  # fmt: skip
         jointly = effects_jointly(curve, multiverse)
-        held.append(np.mean((jointly["low"] <= 0) & (jointly["high"] >= 0)))
+        holds = (jointly["low"] <= 0) & (jointly["high"] >= 0)
+        one = (jointly["choice"] == choice) & (jointly["level"] == level)
+        held.append([holds.mean(), holds[one].mean()])
         found += bool((jointly["p"] <= 0.05).any())
         paired += bool((pairs_of_choices(curve, multiverse)["p"] <= 0.05).any())
-    return float(np.mean(held)), found / trials, paired / trials
+    covered, of_one = np.mean(held, axis=0).tolist()
+    return covered, of_one, found / trials, paired / trials
 
 
 def percent(share: float) -> str:
@@ -320,14 +351,15 @@ def maps_table(trials: int) -> list[str]:
 
 
 def universes_table(trials: int) -> list[str]:
-    """Coverage and false findings over joint universes, by what seeds' reactions have in common."""
+    """Coverage and false findings over joint universes, by what varies how much."""
     lines = [
-        "| a seed's reaction to a level | covered | some choice found | some pair found |",
-        "|---:|---:|---:|---:|",
+        "| noise | reaction | unequal | covered | the unequal level's | some choice found | "
+        "some pair found |",
+        "|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    for common in COMMON:
-        cells = " | ".join(percent(share) for share in on_universes(common, trials // 10))
-        lines.append(f"| {common:g} | {cells} |")
+    for scene in SCENES:
+        cells = " | ".join(percent(share) for share in on_universes(scene, trials // 10))
+        lines.append(f"| {scene.noise:g} | {scene.reaction:g} | {scene.unequal:g} | {cells} |")
     return lines
 
 

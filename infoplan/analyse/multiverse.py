@@ -400,8 +400,15 @@ def compare_models(first: Multiverse, second: Multiverse, rho: float = 0.1) -> p
     return pd.DataFrame(rows, columns=["universe", "method", "end", "mean", "low", "high"])
 
 
-PAIRS = (("UCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-COPOD"))
+PAIRS = (
+    ("UCT-BEST", "UCT-NONE"), ("UCT-COPOD", "UCT-NONE"), ("PUCT-COPOD", "UCT-NONE"),
+    ("PUCT-COPOD", "UCT-COPOD"),
+)  # fmt: skip
 """Methods whose order `orders_by_collapse` tells."""
+
+KINDS = ("collapsed", "sound, one choice", "sound, joint")
+"""Kinds of universes that it tells apart: whether most missions of UCT-NONE end with a collapsed
+model, and of the others whether all choices vary in them."""
 
 
 def orders_by_collapse(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:
@@ -410,25 +417,26 @@ def orders_by_collapse(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame
     Returns
     -------
     DataFrame
-        Two rows, indexed by ``collapses``, whether most missions of UCT-NONE end collapsed:
-        ``universes``, how many; a column a method, the median over them of its mean final RMSE,
-        scope batch; and for each of `PAIRS`, as "A < B" and "A > B", in how many of them A ends
-        below and above B by more than the margin.
+        A row for each of `KINDS`: ``universes``, how many; a column a method, the median over them
+        of its mean final RMSE, scope batch; and for each of `PAIRS`, as "A < B" and "A > B", in how
+        many of them A ends below and above B by more than the margin.
     """
     missions = multiverse.missions
     none = missions[(missions["method"] == "UCT-NONE") & (missions["rho"] == rho)]
     ends = errors_by_universe(multiverse, rho).drop(columns="collapsed").dropna()
-    collapses = none.groupby("universe")["collapsed"].mean().reindex(ends.index) > 0.5
+    collapses = none.groupby("universe")["collapsed"].mean() > 0.5
+    joint = {one.name for one in multiverse.universes if one.is_joint}
+    kinds = [KINDS[0 if collapses[name] else 1 + (name in joint)] for name in ends.index]
     margin = USUAL.margin * multiverse.deviation
     told = {
         f"{one} {sign} {other}": (ends[one] - ends[other]) * side > margin
         for one, other in PAIRS
         for sign, side in (("<", -1.0), (">", 1.0))
     }
-    groups = pd.DataFrame(told).groupby(collapses)
-    found = pd.concat([groups.size().rename("universes"), ends.groupby(collapses).median(),
+    groups = pd.DataFrame(told).groupby(kinds)
+    found = pd.concat([groups.size().rename("universes"), ends.groupby(kinds).median(),
                        groups.sum()], axis=1)  # fmt: skip
-    return found.reindex([True, False]).rename_axis("collapses")
+    return found.reindex(KINDS)
 
 
 def errors_jointly(multiverse: Multiverse, rho: float = 0.1) -> pd.DataFrame:

@@ -42,9 +42,10 @@ def markdown(
         f"{markdown_cell(heading(multiverse))}: in how many universes a claim is supported, and "
         "what moves the comparison that binds. \\* is p below 0.05 after Holm's correction over "
         "choices.": _claims(curves, moved, nearest),
-        "Universes in which most missions of UCT-NONE end with a collapsed model, and others: "
-        f"median over them of the mean final RMSE, {unit}, and in how many a method ends below or "
-        "above another by more than the margin.": _by_collapse(multiverse),
+        "Universes in which most missions of UCT-NONE end with a collapsed model, and others, in "
+        "which at most one choice or all choices vary: median over them of the mean final RMSE, "
+        f"{unit}, and in how many a method ends below or above another by more than the "
+        "margin.": _by_collapse(multiverse),
         f"The defaults, and every level alone: mean {ends}; share of collapsed missions, those of "
         "UCT-BEST left out; claims.": _alone(multiverse, curves),
         f"What a level adds to the {ends}, whatever the other choices are, with 95 % intervals: "
@@ -102,17 +103,17 @@ def _claims(
 
 
 def _by_collapse(multiverse: Multiverse) -> str:
-    """Give the universes with a collapsed UCT-NONE a row for each rho, and the others."""
+    """Give each kind of universes a row for each rho: how many, errors, and orders of methods."""
     rows = [
-        [f"{rho:g}", "collapsed" if collapses else "not", f"{row['universes']:.0f}",
+        [f"{rho:g}", str(kind), f"{row['universes']:.0f}",
          *(figure(row[method]) for method in METHODS),
          *(f"{row[f'{one} < {other}']:.0f} below, {row[f'{one} > {other}']:.0f} above"
            for one, other in PAIRS)]
         for rho in sorted(multiverse.missions["rho"].unique())
-        for collapses, row in orders_by_collapse(multiverse, rho).dropna().iterrows()
+        for kind, row in orders_by_collapse(multiverse, rho).dropna().iterrows()
     ]  # fmt: skip
     pairs = [f"{one} against {other}" for one, other in PAIRS]
-    return _table(["rho", "UCT-NONE", "universes", *METHODS, *pairs], rows)
+    return _table(["rho", "models", "universes", *METHODS, *pairs], rows)
 
 
 def _alone(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> str:

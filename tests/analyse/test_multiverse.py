@@ -207,7 +207,7 @@ def test_errors_of_universes_are_means_over_seeds_at_one_rho():
 
 
 def test_methods_rank_otherwise_where_models_collapse():
-    few = universes()[:6]
+    few = [*universes()[:6], *joint_universes()[:6]]
     made = made_up(by_choice, there=few)
     missions = made.missions
     none = (missions["method"] == "UCT-NONE") & (missions["rho"] == 0.1)
@@ -215,17 +215,23 @@ def test_methods_rank_otherwise_where_models_collapse():
     high = missions["final"] > 900
     missions.loc[none & (high | (missions["seed"] < 2)), "collapsed"] = True
     found = orders_by_collapse(made)
-    ends = np.array([by_choice(one, "UCT-NONE", 0.1) for one in few])
-    for collapses, own in ((True, ends[ends > 900]), (False, ends[ends < 900])):
-        row = found.loc[collapses]
+    ends = [(one, by_choice(one, "UCT-NONE", 0.1)) for one in few]
+    kinds = {
+        "collapsed": [end for _, end in ends if end > 900],
+        "sound, one choice": [end for one, end in ends if end < 900 and not one.is_joint],
+        "sound, joint": [end for one, end in ends if end < 900 and one.is_joint],
+    }
+    assert found.index.tolist() == list(kinds)
+    for kind, values in kinds.items():
+        row, own = found.loc[kind], np.array(values)
         assert row["universes"] == len(own) > 0
         assert row["UCT-NONE"] == pytest.approx(np.median(own), abs=10.0)
         assert row["UCT-COPOD < UCT-NONE"] == (own - 600.0 > MARGIN).sum()
         assert row["UCT-COPOD > UCT-NONE"] == (600.0 - own > MARGIN).sum()
         assert row["PUCT-COPOD < UCT-COPOD"] == len(own)
         assert row["PUCT-COPOD > UCT-COPOD"] == 0
-    (only,) = [orders_by_collapse(made_up(by_choice, there=few[:1]))]
-    assert only.dropna().index.tolist() == [False]
+    only = orders_by_collapse(made_up(by_choice, there=few[:1]))
+    assert only.dropna().index.tolist() == ["sound, one choice"]
 
 
 def test_two_models_are_compared_by_seed():
