@@ -85,7 +85,7 @@ def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Pa
         Part of a claim's variance over joint universes that only a choice explains, claims x
         choices.
     p
-        Of its F test, adjusted by Holm.
+        As of `effects_jointly`, adjusted by Holm.
     folder
         Where to.
     """
