@@ -55,6 +55,8 @@ def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, .
 
 def main() -> None:
     """Print the table."""
+    if len(sys.argv) != 2:
+        sys.exit("give the folder of the multiverse's results, as: RESULTS")
     folder = Path(sys.argv[1])
     multiverse = read(folder / "multiverse.parquet")
     ends = errors_by_universe(multiverse, RHO)

@@ -54,6 +54,9 @@ PASSES = {"gp": 1, "student_t": 4, "rcgp": 2, "itgp": 2, "relevance_pursuit": 8}
 MATRIX_FLOPS, BLOCK_FLOPS = 3e10, 8e9
 """Operations a second of one core, in large matrices and in those of nearest neighbours."""
 
+MISSION_SECONDS = 0.3
+"""Of a mission, whatever its size."""
+
 STEP_SECONDS, CHOICE_SECONDS = 1e-8, 2e-9
 """Of a step of the robot in the tree search, and of an action that it looks at."""
 
@@ -161,7 +164,7 @@ def seconds_of(config: MissionConfig) -> float:
     batch = min(_plan_actions(config) * robot.samples_per_action, budget)
     epochs = max((budget - pilot) / batch, 1.0)
     per_epoch = batch if config.model.iterations == "per_sample" else float(config.model.iterations)
-    seconds = 0.0
+    seconds = MISSION_SECONDS
     if config.model.name == "vecchia":
         block, near = config.model.block, config.model.neighbours + config.model.block
         fitted = config.model.pilot_iterations * pilot + epochs * per_epoch * budget / 2

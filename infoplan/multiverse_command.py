@@ -88,16 +88,17 @@ def multiverse(
     if claim is not None and claim.upper() not in TEXTS:
         raise UsageError(f"there is no claim {claim}: it is one of {', '.join(TEXTS)}")
     if one and not table and not list_missions(results_dir):
-        print_unflown(one, f"results_dir={results_dir} holds no mission", _commands(one), console)
+        told = f"results_dir={results_dir} holds no mission"
+        print_unflown(one, told, _commands(one, results_dir), console)
         return 0
     numbers = read(table) if table else _collect(results_dir, filters)
     folder = results_dir / "figures"
     files: list[Path] = []
     if one and one.name not in numbers.numbers:
         told = f"it is not among {counted(len(numbers.universes), 'universe')} that were flown"
-        print_unflown(one, told, _commands(one, numbers), console)
+        print_unflown(one, told, _commands(one, results_dir, numbers), console)
     elif one:
-        print_universe(numbers, one, _commands(one, numbers), console)
+        print_universe(numbers, one, _commands(one, results_dir, numbers), console)
     elif claim is not None:
         curves = claim_curves(numbers, [claim.upper()])
         if not curves:
@@ -123,7 +124,7 @@ def multiverse(
         files = draw_overview(curves, nearest, folder)
         page = results_dir / "multiverse.html"
         write_multiverse_page(page, numbers, curves, found, nearest,
-                              lambda universe: _commands(universe, numbers))  # fmt: skip
+                              lambda each: _commands(each, results_dir, numbers))  # fmt: skip
         shares, p = (by_choice(moves, column) for column in ("share", "p"))
         if not shares.empty:
             files += draw_effects(shares, p, folder)
@@ -134,13 +135,18 @@ def multiverse(
 
 
 def by_choice(moves: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:
-    """Lay out a column of `effects_jointly`: a row a claim that has any, a column a choice."""
+    """Lay out a column of `effects_jointly`: a row a claim that has any, a column a choice.
+
+    Choices that move no claim are left out.
+    """
     of_claim = {
         name: effects.drop_duplicates("choice").set_index("choice")[column]
         for name, effects in moves.items() if not effects.empty
     }  # fmt: skip
-    laid_out = pd.DataFrame(of_claim).T.reindex(columns=[choice.name for choice in CHOICES])
-    return laid_out.dropna(axis=1, how="all")
+    met = {choice for column_of in of_claim.values() for choice in column_of.index}
+    return pd.DataFrame(of_claim).T.reindex(
+        columns=[choice.name for choice in CHOICES if choice.name in met]
+    )
 
 
 def _collect(results_dir: Path, filters: Mapping[str, Any]) -> Multiverse:
@@ -167,13 +173,17 @@ def _named(text: str) -> Universe:
     return names[text]
 
 
-def _commands(universe: Universe, numbers: Multiverse | None = None) -> list[str]:
+def _commands(
+    universe: Universe, results_dir: Path, numbers: Multiverse | None = None
+) -> list[str]:
     """Commands that fly a universe, as those of the others were flown if some were."""
     common = ["seeds=6"]
     if numbers:
         common = [as_override("terrain", numbers.terrain), as_override("budget", numbers.budget),
                   as_override("model", numbers.model), as_override("seeds", _seeds(numbers)),
                   ]  # fmt: skip
+    if str(results_dir) != "results":
+        common.append(as_override("results_dir", str(results_dir)))
     return [" ".join(["infoplan run -m", line, *common]) for line in universe.lines()]
 
 

@@ -133,6 +133,19 @@ def test_the_command_writes_the_numbers_and_draws_from_them_alone(flown, tmp_pat
         assert rows["verdict"].item() == curves[claim].verdicts[place]
 
 
+def test_of_one_seed_all_is_drawn_and_no_p_is_told(tmp_path, capsys):
+    made = made_up(by_choice)
+    table = tmp_path / "numbers.parquet"
+    write(replace(made, missions=made.missions[made.missions["seed"] == 0]), table)
+    assert main(["multiverse", f"table={table}", f"results_dir={tmp_path}"]) == 0
+    printed = capsys.readouterr().out
+    drawn = pd.read_csv(tmp_path / "figures" / "multiverse_choices.csv", index_col="claim")
+    assert drawn.loc["C7", "noise"] > 0.2
+    assert "multiverse_choices.png" in printed.replace("\n", "")
+    (curve,) = claim_curves(read(table), ["C7"])
+    assert f"{np.median(curve.means):.0f} ft" in printed
+
+
 def test_a_claim_tells_what_moves_it_and_draws_the_choices_below_its_curve(tmp_path, capsys):
     table = tmp_path / "numbers.parquet"
     write(made_up(by_choice), table)
@@ -178,6 +191,7 @@ def test_a_universe_that_was_not_flown_tells_them_too(flown, tmp_path, capsys):
         for line, words in zip(lines, wanted, strict=True):
             assert set(words.split()) <= set(line.replace("'", "").split())
             assert own in line.split()
+            assert f"results_dir={folder}" in line.split()
 
 
 def test_what_would_be_ignored_is_refused(flown, tmp_path, capsys):

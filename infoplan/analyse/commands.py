@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from infoplan.analyse.configurations import changed_options, flatten
+from infoplan.analyse.configurations import Options, changed_options, defaults_of, flatten
 from infoplan.analyse.tables import Selection
-from infoplan.config import TERRAIN_SCHEMAS, TerrainConfig, terrain_kind
+from infoplan.config import METHODS, TERRAIN_SCHEMAS, GpConfig, TerrainConfig, terrain_kind
 from infoplan.method_identity import PAPERS_CHOICES
 from infoplan.study.store import inspect
 from infoplan.text_options import as_override, typed_text
@@ -53,7 +53,7 @@ def _common(selection: Selection, copod: bool) -> dict[str, Any]:
     """Options that the runs of a selection share, where they are not the default."""
     options = _terrain_options(selection)
     for flat in selection.options.values():
-        for name, value in changed_options(flat).items():
+        for name, value in (changed_options(flat) | _model_options(flat)).items():
             if name not in NOT_OPTIONS and (copod or not name.startswith("detector.")):
                 options[name] = value
     seeds = sorted(set(selection.missions["seed"]))
@@ -63,6 +63,17 @@ def _common(selection: Selection, copod: bool) -> dict[str, Any]:
     if str(selection.results_dir) != "results":
         options["results_dir"] = selection.results_dir
     return options
+
+
+def _model_options(flat: Options) -> Options:
+    """Choose a model that is not the default one, and what it has not as it comes."""
+    model = str(flat.get("model.name", GpConfig.name))
+    if model == GpConfig.name or model not in METHODS["model"] or "model.function" in flat:
+        return {}
+    own = {name: value for name, value in flat.items() if name.startswith("model.")}
+    default = defaults_of(flat)
+    changed = {name: value for name, value in own.items() if value != default.get(name, value)}
+    return {"model": model} | changed
 
 
 def _terrain_options(selection: Selection) -> dict[str, Any]:

@@ -126,7 +126,7 @@ class JointTest:
         Mean over universes of Student's t, and how often that of flipped signs is as far from zero.
     flips
         How many sign flips there are: no p is below two in so many; of a single seed there is no
-        test, and the numbers are NaN.
+        test, and the numbers but the median are NaN.
     """
 
     median: float
@@ -481,7 +481,8 @@ def joint_test(curve: ClaimCurve) -> JointTest:
     effects = curve.effects[known[:, seeds].all(axis=1)][:, seeds]
     n = effects.shape[1]
     if n < 2:
-        return JointTest(np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+        median = float(np.median(effects)) if n else np.nan
+        return JointTest(median, np.nan, np.nan, np.nan, np.nan, 0)
     signs = np.array(list(product((1.0, -1.0), repeat=n)))
     medians, mean_ts = (np.empty(len(signs)) for _ in range(2))
     for place, flipped in enumerate(signs):

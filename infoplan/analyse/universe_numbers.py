@@ -23,6 +23,7 @@ from infoplan.analyse.tables import Selection, find_missions, study_of
 from infoplan.errors import UsageError
 from infoplan.files import writing
 from infoplan.study.universes import CHOICES, FILTERED, METHODS, Universe, universes
+from infoplan.text_options import as_override
 
 SUMMED = ("final", "early", "late", "rise", "precision")
 """Numbers out of a mission's curve; the others take its samples and maps."""
@@ -152,9 +153,10 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
     selection = study_of(find_missions(results_dir, **filters), free=OPTIONS)
     belongs = universes_of_runs(selection)
     if not belongs:
+        place = as_override("results_dir", str(results_dir))
         raise UsageError(
             f"results_dir={results_dir} holds no universe with all four methods: fly them with "
-            "infoplan run -m experiment=multiverse"
+            f"infoplan run -m experiment=multiverse model=vecchia {place}"
         )
     axis = tuple(range(100, selection.budget + 1, STEP))
     tasks = [delayed(_of_run)(selection.only([run]), axis) for run in belongs]

@@ -250,7 +250,7 @@ def listener(console: Console) -> Listener:
     def follow(tasks: Sequence[Task], pace: Pace, kept: int) -> Display:
         lines = [
             Line(task.label, task.run.terrain.unit, task.run.config.budget,
-                 kind_of(task.run.science))
+                 kind_of(task.run.science, task.run.config))
             for task in tasks
         ]  # fmt: skip
         return Display(lines, pace, 1, kept, console)

@@ -67,7 +67,7 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
     rows = []
     for run, seeds in study.runs:
         own = [task.seed for task in todo if task.run.name == run.name]
-        one = study.pace.seconds(kind_of(run.science))
+        one = study.pace.seconds(kind_of(run.science, run.config))
         about = duration(one * len(own)) if one and own else ""
         rows.append([label(run), *swept[run.name].values(), str(len(seeds) - len(own)),
                      str(len(own)), spans(own), about])  # fmt: skip
@@ -80,7 +80,8 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
         f"{'is' if there == 1 else 'are'} stored in {study.results_dir}")  # fmt: skip
     if todo:
         of_run = {task.run.name: task.run for task in todo}
-        seconds = {name: study.pace.seconds(kind_of(run.science)) for name, run in of_run.items()}
+        kinds = {name: kind_of(run.science, run.config) for name, run in of_run.items()}
+        seconds = {name: study.pace.seconds(kind) for name, kind in kinds.items()}
         by = "by the missions stored"
         if None in seconds.values():
             by = "by their operations: no mission is stored yet to tell better"

@@ -8,20 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from infoplan.config import MissionConfig
 from infoplan.errors import RunError
+from infoplan.mission_cost import seconds_of
+from infoplan.study.identity import config_from_science
 from infoplan.study.store import list_missions, read_footer, table_path
-
-GROWTH = 2.5
-"""Exponent by which a mission's time grows with its budget, as measured up to 2000."""
 
 PROGRESS = 3.5
 """Exponent by which the time since the pilot grows with the samples collected, as measured."""
 
-LINEAR = ("vecchia",)
-"""Models whose cost an epoch grows with the samples: both exponents are `GROWTH_OF_LINEAR`."""
-
-GROWTH_OF_LINEAR = 1.6
-"""As measured up to 8000."""
+PROGRESS_OF = {"vecchia": 1.6}
+"""The same of models whose cost an epoch grows with the samples, as measured up to 8000."""
 
 TIMELESS = ("rho", "terrain", "sensor", "outliers", "fault", "numerics_version")
 """Parts of the configuration that hardly change the time."""
@@ -39,7 +36,7 @@ class Kind:
     options
         What the time depends on.
     work
-        In arbitrary units.
+        Seconds by its operations, which only missions of other kinds are scaled by.
     progress
         Exponent by which the time since the pilot grows with the samples collected.
     """
@@ -49,13 +46,11 @@ class Kind:
     progress: float = PROGRESS
 
 
-def kind_of(science: Mapping[str, Any]) -> Kind:
-    """Kind of the missions of a run, from its `science`."""
+def kind_of(science: Mapping[str, Any], config: MissionConfig) -> Kind:
+    """Kind of the missions of a run, from its `science` and its configuration."""
     timely = {name: value for name, value in science.items() if name not in TIMELESS}
-    growth, progress = GROWTH, PROGRESS
-    if science["model"]["name"] in LINEAR:
-        growth = progress = GROWTH_OF_LINEAR
-    return Kind(json.dumps(timely, sort_keys=True), float(science["budget"]) ** growth, progress)
+    progress = PROGRESS_OF.get(science["model"]["name"], PROGRESS)
+    return Kind(json.dumps(timely, sort_keys=True), seconds_of(config), progress)
 
 
 class Pace:
@@ -92,13 +87,17 @@ def learn(results_dir: Path) -> Pace:
     """Learn from the footers of all stored missions; files that cannot be read are passed over."""
     pace = Pace()
     for run, seeds in list_missions(results_dir).items():
+        kind = None
         for seed in seeds:
             try:
                 footer = read_footer(table_path(results_dir, "curves", run, seed))
+                science = footer.configuration
+                if "replay" in science:  # nothing was planned in those
+                    continue
+                kind = kind or kind_of(science, config_from_science(science))
             except RunError:
                 continue
-            if "replay" not in footer.configuration:  # nothing was planned in those
-                pace.add(kind_of(footer.configuration), footer.seconds)
+            pace.add(kind, footer.seconds)
     return pace
 
 

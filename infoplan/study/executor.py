@@ -128,7 +128,7 @@ def expected_seconds(tasks: list[Task], pace: Pace) -> float:
     """Seconds of all missions one after the other, by those of their kind or their operations."""
     each = {}
     for run in {task.run.name: task.run for task in tasks}.values():
-        known = pace.of_kind(kind_of(run.science))
+        known = pace.of_kind(kind_of(run.science, run.config))
         each[run.name] = seconds_of(run.config) if known is None else known
     return sum(each[task.run.name] for task in tasks)
 

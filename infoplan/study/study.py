@@ -77,7 +77,7 @@ class Study:
             for seed in seeds
             if not (resume and self.stored[run.name, seed].state == "done")
         ]
-        kinds = {run.name: kind_of(run.science) for run, _ in self.runs}
+        kinds = {run.name: kind_of(run.science, run.config) for run, _ in self.runs}
         length = {name: self.pace.seconds(kind) or kind.work for name, kind in kinds.items()}
         missions[-TAIL:] = sorted(missions[-TAIL:], key=lambda mission: -length[mission[0].name])
         flown = None if self.flown is None else (self.results_dir, self.flown)

@@ -6,10 +6,12 @@ import made_tables
 import pytest
 import yaml
 from command import infoplan
+from studies import quick, study
 
 from infoplan.analyse import find_study
 from infoplan.analyse.commands import commands, run_command, study_command
 from infoplan.analyse.configurations import flatten
+from infoplan.config import VecchiaConfig
 
 
 def words(command: str) -> set[str]:
@@ -41,6 +43,20 @@ def test_the_command_makes_the_missing_run(tmp_path):
             assert composed[name] == value, name
     assert (composed["planner.name"], composed["rho"]) == ("puct", 0.15)
     assert (composed["seeds"], composed["results_dir"]) == (1, str(tmp_path))
+
+
+def test_the_command_takes_the_model_of_the_others(tmp_path):
+    config = quick()
+    config.model = VecchiaConfig(pilot_iterations=20, iterations=2, neighbours=20)
+    study(config, tmp_path, seeds=1, backend="sequential")
+    stored = find_study(tmp_path)
+    command = run_command(stored, "UCT-BEST", 0.1)
+    assert words(command) >= {"model=vecchia", "model.neighbours=20", "model.iterations=2"}
+    shown = infoplan(*shlex.split(command)[1:], "--cfg", "job").stdout
+    composed = flatten(yaml.safe_load(shown))
+    (options,) = stored.options.values()
+    of_model = {name: value for name, value in options.items() if name.startswith("model.")}
+    assert {name: composed[name] for name in of_model} == of_model
 
 
 def test_other_detectors_take_no_options_of_copod(tmp_path):

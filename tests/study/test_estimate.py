@@ -8,9 +8,9 @@ from rich.console import Console
 from studies import quick, study
 
 from infoplan.draw.progress import listener
+from infoplan.mission_cost import seconds_of
 from infoplan.study import estimate
 from infoplan.study.estimate import (
-    GROWTH,
     PROGRESS,
     Clock,
     Kind,
@@ -21,6 +21,12 @@ from infoplan.study.estimate import (
 )
 from infoplan.study.identity import identify
 from infoplan.study.runner import plan_study
+
+
+def kind(config, terrain):
+    """Kind of the missions of a configuration on a map."""
+    run = identify(config, terrain)
+    return kind_of(run.science, run.config)
 
 
 @pytest.fixture
@@ -55,23 +61,22 @@ def test_another_kind_is_scaled_from_the_nearest():
 
 
 def test_rho_and_map_do_not_make_another_kind(small, volcano):
-    base = kind_of(identify(small, volcano).science)
-    assert kind_of(identify(replace(small, rho=0.3), volcano).science) == base
-    assert kind_of(identify(small, replace(volcano, sha256="1" * 64)).science) == base
-    more = kind_of(identify(replace(small, budget=320), volcano).science)
-    assert more.work == pytest.approx(base.work * 2**GROWTH)
+    base = kind(small, volcano)
+    assert kind(replace(small, rho=0.3), volcano) == base
+    assert kind(small, replace(volcano, sha256="1" * 64)) == base
+    more = kind(replace(small, budget=320), volcano)
+    assert more.work == seconds_of(replace(small, budget=320)) > base.work
     model = replace(small.model, iterations=9)
-    assert kind_of(identify(replace(small, model=model), volcano).science) != base
+    assert kind(replace(small, model=model), volcano) != base
 
 
 def test_time_grows_faster_than_the_samples(small, volcano, clock):
     """A mission of twice the budget takes five to six times as long, not twice."""
-    base, double = (
-        kind_of(identify(replace(small, budget=budget), volcano).science) for budget in (800, 1600)
-    )
+    base, double = (kind(replace(small, budget=budget), volcano) for budget in (800, 1600))
     pace = Pace()
     pace.add(base, 10.0)
-    assert pace.seconds(double) == pytest.approx(56.6, abs=0.1)
+    assert pace.seconds(double) == pytest.approx(10.0 * double.work / base.work)
+    assert 25 < pace.seconds(double) < 90
     # Half of the samples are a twelfth of the work: 11.3 of 12.3 parts are left.
     mission = Clock(budget=1000)
     mission.report(0)
@@ -146,7 +151,7 @@ def test_the_longest_missions_are_started_first(tmp_path):
         return [(task.run.config.budget, task.seed, task.number) for task in plan.todo(True)]
 
     assert order() == [(190, 0, 0), (190, 1, 1), (160, 0, 2), (160, 1, 3), (130, 0, 4), (130, 1, 5)]
-    kinds = {run.config.budget: kind_of(run.science) for run, _ in plan.runs}
+    kinds = {run.config.budget: kind_of(run.science, run.config) for run, _ in plan.runs}
     for budget, seconds in ((130, 50.0), (160, 7.0), (190, 9.0)):
         plan.pace.add(kinds[budget], seconds)
     assert [budget for budget, _, _ in order()] == [130, 130, 190, 190, 160, 160]
