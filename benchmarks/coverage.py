@@ -211,7 +211,7 @@ def on_maps(n: int, trials: int, seed: int = 0) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Universes:
+class Scene:
     """What made-up multiverses without any effect are drawn from.
 
     Attributes
@@ -230,13 +230,13 @@ class Universes:
 
 
 SCENES = (
-    *(Universes(reaction=reaction) for reaction in (0.0, 0.3, 0.6, 1.5)),
-    Universes(noise=2.5, reaction=0.3),
-    Universes(unequal=3.0, reaction=0.3),
+    *(Scene(reaction=reaction) for reaction in (0.0, 0.3, 0.6, 1.5)),
+    Scene(noise=2.5, reaction=0.3),
+    Scene(unequal=3.0, reaction=0.3),
 )
 
 
-def on_universes(scene: Universes, trials: int, seed: int = 0) -> tuple[float, float, float, float]:
+def on_universes(scene: Scene, trials: int, seed: int = 0) -> tuple[float, float, float, float]:
     """Coverage of a level's coefficient over joint universes, and how often p finds what is not.
 
     Nothing matters, but each universe has an effect of its own, a universe's seeds vary about it,

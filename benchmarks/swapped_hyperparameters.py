@@ -10,7 +10,7 @@ intervals; and the lengthscales of both. Where those of UCT-NONE bring the sampl
 end the hyperparameters make the difference, not the places.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -55,9 +55,9 @@ def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, .
 
 def main() -> None:
     """Print the table."""
-    if len(sys.argv) != 2:
-        sys.exit("give the folder of the multiverse's results, as: RESULTS")
-    folder = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.swapped_hyperparameters")
+    parser.add_argument("results", type=Path, help="folder of a flown multiverse")
+    folder = parser.parse_args().results
     multiverse = read(folder / "multiverse.parquet")
     ends = errors_by_universe(multiverse, RHO)
     worse = ends["UCT-BEST"] - ends["UCT-NONE"] > USUAL.margin * multiverse.deviation

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.coverage import (
-    Universes,
+    Scene,
     at_bound,
     coverage_table,
     equal,
@@ -71,7 +71,7 @@ def test_intervals_on_three_maps_cover():
 
 
 def test_what_a_level_does_is_covered_however_much_seeds_react_alike():
-    covered, _, found, _ = on_universes(Universes(reaction=1.5), 15)
+    covered, _, found, _ = on_universes(Scene(reaction=1.5), 15)
     assert covered > 0.9, "with universes taken as independent it is 0.63"
     assert found < 0.3
 

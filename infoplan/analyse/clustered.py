@@ -87,15 +87,15 @@ class ClusteredFit:
         by_repetition = weights @ self.values
         residuals = self.left @ self.values
         share = np.diag(self.left)
-        none = np.where(weights**2 > ALONE**2, np.nan, 0.0)
-        squared = np.where(share > ALONE, weights**2 / np.maximum(share, ALONE), none)
+        unsure_of = np.where(weights**2 > ALONE**2, np.nan, 0.0)
+        squared = np.where(share > ALONE, weights**2 / np.maximum(share, ALONE), unsure_of)
         free = (weights**2).sum(axis=1) ** 2 / np.einsum(
             "ij,jk,ik->i", squared, self.left**2, squared
         )
         of_units = squared @ residuals.mean(axis=1) ** 2
         if repetitions < 2:
-            none = np.full(len(rows), np.nan)
-            return Estimates(by_repetition.mean(axis=1), none, none)
+            unknown = np.full(len(rows), np.nan)
+            return Estimates(by_repetition.mean(axis=1), unknown, unknown)
         of_repetitions = by_repetition.var(axis=1, ddof=1) / repetitions
         noise = squared @ residuals.var(axis=1, ddof=1) / repetitions
         variance = of_units + np.maximum(of_repetitions - noise, 0.0)
