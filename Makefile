@@ -63,12 +63,13 @@ pictures: detectors faults kernels loop maps models multiverse outliers planners
 
 paper: figures ## draw what docs/ shows of the paper's study: Fig. 5, an animation, where errors come from, the errors of vecchia
 	cp results/figures/fig5.png docs/fig5.png
+	$(BIN)/infoplan claims --csv > docs/replication.csv
 	$(BIN)/infoplan animate puct-copod-helens-rho0.1-batch seed=0
 	cp results/figures/puct-copod-helens-rho0.1-batch-*-seed0.gif docs/puct-copod-helens.gif
 	for method in uct-none uct-copod puct-copod; do \
 	  $(BIN)/infoplan explain $$method-helens-rho0.1-batch seeds=6 || exit 1; done
 	$(BIN)/infoplan figures explain
-	cp results/figures/explain.png docs/explain.png
+	cp results/figures/explain.png results/figures/explain.csv docs/
 	$(BIN)/python -m benchmarks.accuracy results -rho0.1-batch-
 
 growth: bench ## draw what docs/ shows of make bench

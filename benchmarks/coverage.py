@@ -3,7 +3,7 @@
 ``python -m benchmarks.coverage [TRIALS]`` prints the tables of ``docs/statistics.md``.
 """
 
-import sys
+import argparse
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -365,7 +365,11 @@ def universes_table(trials: int) -> list[str]:
 
 def main() -> None:
     """Print the tables."""
-    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.coverage")
+    parser.add_argument(
+        "trials", type=int, nargs="?", default=2000, help="of each line (%(default)s)"
+    )
+    trials = parser.parse_args().trials
     for table in (coverage_table, verdict_table, skewed_table, maps_table, universes_table):
         print("\n".join(table(trials)), end="\n\n", flush=True)
 

@@ -11,6 +11,7 @@ end the hyperparameters make the difference, not the places.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from infoplan.analyse.multiverse import errors_by_universe
 from infoplan.analyse.statistics import mean_interval
 from infoplan.analyse.tables import find_missions, study_of
 from infoplan.analyse.universe_numbers import OPTIONS, read, universes_of_runs
+from infoplan.errors import RunError, UsageError
 from infoplan.model import GaussianProcess
 from infoplan.wording import figure, interval
 
@@ -54,6 +56,14 @@ def by_swapping(folder: Path, best: str, none: str, seed: int) -> tuple[float, .
 
 
 def main() -> None:
+    """Print the table, or say what is wrong with the folder."""
+    try:
+        print_table()
+    except (UsageError, RunError) as error:
+        sys.exit(str(error))
+
+
+def print_table() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.swapped_hyperparameters")
     parser.add_argument("results", type=Path, help="folder of a flown multiverse")

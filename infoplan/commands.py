@@ -541,7 +541,15 @@ def multiverse(
     if as_json + as_markdown + as_latex > 1:
         raise UsageError("the multiverse is written as --json, --markdown or --latex: choose one")
     if listed:
-        return list_universes()
+        given = {"table": table, "universe": universe, "claim": claim, "run": run, **filters}
+        others = [f"{name}=" for name, value in given.items() if value is not None]
+        flags = {"--json": as_json, "--markdown": as_markdown, "--latex": as_latex}
+        others += [flag for flag, asked in flags.items() if asked]
+        if others:
+            raise UsageError(
+                f"--list names all universes, flown or not: leave {', '.join(others)} out"
+            )
+        return list_universes(_console_of(False))
     return multiverse(
         results_dir,
         table,

@@ -2,7 +2,8 @@
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,21 @@ import pandas as pd
 from rich.console import Console
 
 from infoplan.analyse.claims import TEXTS
-from infoplan.analyse.multiverse import claim_curves, nearest_tenth
+from infoplan.analyse.multiverse import ClaimCurve, claim_curves, nearest_tenth, why_unjudged
 from infoplan.analyse.tables import LABELS
-from infoplan.analyse.universe_numbers import OPTIONS, Multiverse, collect, read, write
+from infoplan.analyse.universe_numbers import (
+    OPTIONS,
+    Multiverse,
+    collect,
+    how_to_fly,
+    read,
+    write,
+)
+from infoplan.draw.console import say
 from infoplan.draw.latex import LatexConsole
 from infoplan.draw.multiverse_markdown import markdown
 from infoplan.draw.multiverse_page import write_multiverse_page
-from infoplan.draw.multiverse_page_data import summary_data, what_moves
+from infoplan.draw.multiverse_page_data import Moved, summary_data, what_moves
 from infoplan.draw.multiverse_table import (
     chosen,
     print_claim,
@@ -35,10 +44,10 @@ PARTING = {*LABELS, *OPTIONS} - {"terrain", "budget"}
 """Filters that leave some of a universe's missions out, or some universes."""
 
 
-def list_universes() -> int:
+def list_universes(console: Console) -> int:
     """Name all universes, and what each chooses."""
     for universe in universes():
-        print(f"{universe.name}: {chosen(universe)}")
+        say(console, f"{universe.name}: {chosen(universe)}", indent="    ")
     return 0
 
 
@@ -93,45 +102,63 @@ def multiverse(
         return 0
     numbers = read(table) if table else _collect(results_dir, filters)
     folder = results_dir / "figures"
-    files: list[Path] = []
+    draw: Callable[[], list[Path]] = list
     if one and one.name not in numbers.numbers:
         told = f"it is not among {counted(len(numbers.universes), 'universe')} that were flown"
         print_unflown(one, told, _commands(one, results_dir, numbers), console)
     elif one:
         print_universe(numbers, one, _commands(one, results_dir, numbers), console)
     elif claim is not None:
-        curves = claim_curves(numbers, [claim.upper()])
-        if not curves:
-            raise UsageError(f"no universe has the runs of {claim.upper()}")
-        curve = curves[0]
+        curve = _curve(claim.upper(), numbers)
         moved = what_moves(curve, numbers)
         print_claim(numbers, curve, moved.alone, moved.jointly, moved.pairs, moved.rules,
                     moved.test, console)  # fmt: skip
-        files = draw_claim(curve, numbers, nearest_tenth(numbers), folder)
+        draw = partial(draw_claim, curve, numbers, nearest_tenth(numbers), folder)
     else:
         curves, nearest = claim_curves(numbers), nearest_tenth(numbers)
         found = {curve.name: what_moves(curve, numbers) for curve in curves}
         if as_json:
             document = summary_data(numbers, curves, found, nearest)
             print(json.dumps(document, indent=2, allow_nan=False))
-            return 0
-        if as_markdown:
+        elif as_markdown:
             print(markdown(numbers, curves, found, nearest))
-            return 0
-        moves = {name: moved.jointly for name, moved in found.items()}
-        tests = [moved.test for moved in found.values()]
-        print_multiverse(numbers, curves, tests, nearest, moves, console)
-        files = draw_overview(curves, nearest, folder)
-        page = results_dir / "multiverse.html"
-        write_multiverse_page(page, numbers, curves, found, nearest,
-                              lambda each: _commands(each, results_dir, numbers))  # fmt: skip
-        shares, p = (by_choice(moves, column) for column in ("share", "p"))
-        if not shares.empty:
-            files += draw_effects(shares, p, folder)
-        files.append(page)
-    for path in files:
+        else:
+            moves = {name: moved.jointly for name, moved in found.items()}
+            tests = [moved.test for moved in found.values()]
+            print_multiverse(numbers, curves, tests, nearest, moves, console)
+            draw = partial(_draw_all, numbers, curves, found, nearest, results_dir)
+    # What is told is not lost where nothing can be written.
+    if not table:
+        _keep(numbers, results_dir, filters)
+    for path in draw():
         print(path, file=sys.stderr if isinstance(console, LatexConsole) else sys.stdout)
     return 0
+
+
+def _curve(name: str, numbers: Multiverse) -> ClaimCurve:
+    curves = claim_curves(numbers, [name])
+    if not curves:
+        raise UsageError(f"no universe can judge {name}: {why_unjudged(name, numbers)}")
+    return curves[0]
+
+
+def _draw_all(
+    numbers: Multiverse,
+    curves: Sequence[ClaimCurve],
+    found: Mapping[str, Moved],
+    nearest: Sequence[str],
+    results_dir: Path,
+) -> list[Path]:
+    """Draw all claims' curves and what moves them, and write the page."""
+    folder, page = results_dir / "figures", results_dir / "multiverse.html"
+    files = draw_overview(curves, nearest, folder) if curves else []
+    write_multiverse_page(page, numbers, curves, found, nearest,
+                          lambda each: _commands(each, results_dir, numbers))  # fmt: skip
+    moves = {name: moved.jointly for name, moved in found.items()}
+    shares, p = (by_choice(moves, column) for column in ("share", "p"))
+    if not shares.empty:
+        files += draw_effects(shares, p, folder)
+    return [*files, page]
 
 
 def by_choice(moves: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:
@@ -150,17 +177,22 @@ def by_choice(moves: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:
 
 
 def _collect(results_dir: Path, filters: Mapping[str, Any]) -> Multiverse:
-    """Work out the numbers of what is stored, and write them unless they are of a part."""
-    numbers = collect(results_dir, _tell, **filters)
+    """Work out the numbers of what is stored."""
+    if not list_missions(results_dir):
+        raise UsageError(f"results_dir={results_dir} holds no mission: {how_to_fly(results_dir)}")
+    return collect(results_dir, _tell, **filters)
+
+
+def _keep(numbers: Multiverse, results_dir: Path, filters: Mapping[str, Any]) -> None:
+    """Write the numbers unless they are of a part."""
     told = f"numbers of {counted(len(numbers.universes), 'universe')}"
     parted = [name for name in filters if name in PARTING and filters[name] is not None]
     if parted:
         _tell(f"{told}, not written as {parted[0]}= leaves out parts of them")
-        return numbers
+        return
     table = results_dir / "multiverse.parquet"
     write(numbers, table)
     _tell(f"{told}: {table}")
-    return numbers
 
 
 def _named(text: str) -> Universe:

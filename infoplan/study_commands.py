@@ -14,7 +14,7 @@ from rich.console import Console
 
 from infoplan.analyse.configurations import stored_options
 from infoplan.analyse.status import Status, look, look_at_all
-from infoplan.config import Config, is_survey
+from infoplan.config import Config, is_survey, validate
 from infoplan.draw.console import say, wide_console
 from infoplan.draw.progress import listener
 from infoplan.draw.status_table import print_status
@@ -144,6 +144,7 @@ def explain(
     from infoplan.study.replay import find_flown
 
     config = compose(overrides)
+    validate(config)
     flown = {source.name: source for source in (find_flown(results_dir, run) for run in runs)}
     for source in flown.values():
         demand_refittable(source)

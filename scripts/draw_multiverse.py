@@ -18,6 +18,7 @@ from infoplan.analyse.universe_parts import joined, whole
 from infoplan.draw.multiverse_markdown import control, markdown
 from infoplan.draw.multiverse_page_data import what_moves
 from infoplan.draw.specification_curves import draw_claim, draw_effects, draw_overview
+from infoplan.errors import RunError, UsageError
 from infoplan.multiverse_command import by_choice
 
 FOLDER = Path(__file__).parents[1] / "docs"
@@ -61,6 +62,9 @@ def draw_multiverse(folder: Path = FOLDER) -> list[Path]:
 
 
 if __name__ == "__main__":
-    for table in map(Path, sys.argv[1:]):
-        print(take_universes(table))
-    print(*draw_multiverse(), sep="\n")
+    try:
+        for table in map(Path, sys.argv[1:]):
+            print(take_universes(table))
+        print(*draw_multiverse(), sep="\n")
+    except (UsageError, RunError) as error:
+        sys.exit(str(error))

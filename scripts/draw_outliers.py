@@ -15,6 +15,7 @@ from infoplan.analyse.mission_scores import read_scores
 from infoplan.draw import style
 from infoplan.draw.fault_table import markdown
 from infoplan.draw.outliers import picture
+from infoplan.errors import RunError, UsageError
 
 FOLDER = Path(__file__).parents[1] / "docs"
 SHIPPED = ["method", "fault", "rho", "terrain", "seed", "reference", "area", "final"]
@@ -44,6 +45,9 @@ def draw_outliers(folder: Path = FOLDER) -> Path:
 
 
 if __name__ == "__main__":
-    for results in map(Path, sys.argv[1:]):
-        print(take_scores(results))
-    print(draw_outliers())
+    try:
+        for results in map(Path, sys.argv[1:]):
+            print(take_scores(results))
+        print(draw_outliers())
+    except (UsageError, RunError) as error:
+        sys.exit(str(error))

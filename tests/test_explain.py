@@ -206,7 +206,7 @@ def test_what_cannot_be_explained_is_told_in_a_sentence(tmp_path, capfd):
     assert named(tmp_path, "uct-best")
     assert explain(tmp_path, "seeds=[0]") == 0
     for words, said in (
-        (["puct-copod", "seeds=[7]"], "seed 7 is stored both"),
+        (["puct-copod", "seeds=[7]"], "seed 7 is not stored of puct-copod"),
         (["uct-best"], "is BEST itself"),
         (["puct-copod", "best=puct-copod"], "has the detector copod"),
         ([], "takes one stored run"),
@@ -217,6 +217,26 @@ def test_what_cannot_be_explained_is_told_in_a_sentence(tmp_path, capfd):
         assert said in " ".join(capfd.readouterr().err.split())
     assert main(["figures", "explain", f"results_dir={tmp_path}", "run=uct-best"]) == 1
     assert "infoplan" in capfd.readouterr().err
+
+
+def test_seeds_that_are_not_stored_come_with_the_command_that_flies_them(tmp_path, capfd):
+    fly(tmp_path, *FAULTS, "seeds=[0,3]")
+    fly(tmp_path, "detector=best", "planner=uct", "seeds=1")
+    capfd.readouterr()
+    assert explain(tmp_path, "seeds=[0,3]") == 2
+    complaint = capfd.readouterr().err
+    run, best = named(tmp_path, "puct-copod"), named(tmp_path, "uct-best")
+    assert f"seed 3 is not stored of {best}" in " ".join(complaint.split())
+    assert run not in complaint
+    (command,) = suggested(complaint)
+    assert "seeds=[3]" in command
+    assert main([*command, "backend=sequential"]) == 0
+    assert explain(tmp_path, "seeds=[0,3]") == 0
+    capfd.readouterr()
+    assert explain(tmp_path, "seeds=[0,5,6]") == 2
+    complaint = " ".join(capfd.readouterr().err.split())
+    assert f"seeds 5-6 are not stored of {run}" in complaint
+    assert "both have seeds 0, 3" in complaint
 
 
 def test_a_model_that_weighs_its_samples_itself_is_refused(tmp_path, capfd):

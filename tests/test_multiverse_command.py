@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import shutil
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -325,12 +326,62 @@ def test_what_is_not_there_is_told(flown, tmp_path, capsys):
     broken = tmp_path / "other.parquet"
     pd.DataFrame({"a": [1]}).to_parquet(broken)
     assert main(["multiverse", f"table={broken}"]) == 2
-    assert "is no table of a multiverse" in capsys.readouterr().err
+    assert "no table that infoplan multiverse has written" in capsys.readouterr().err
+    assert main(["multiverse", f"table={tmp_path}"]) == 2
+    assert f"{tmp_path} cannot be read" in capsys.readouterr().err
+    assert main(["multiverse", f"table={tmp_path / 'none'}"]) == 2
+    assert "there is no file" in capsys.readouterr().err
+    assert main(["multiverse", f"results_dir={tmp_path}"]) == 2
+    assert "experiment=multiverse model=vecchia results_dir=" in capsys.readouterr().err
+    assert main(["multiverse", f"results_dir={broken}"]) == 2
+    assert "is a file, where a folder is taken" in capsys.readouterr().err
     assert main(["multiverse", f"results_dir={flown}", "planner=uct"]) == 2
     assert "no universe with all four methods" in capsys.readouterr().err
 
 
+def test_what_the_missions_cannot_tell_is_said(flown, tmp_path, capsys):
+    assert main(["multiverse", f"results_dir={flown}"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "C1 rho 0.05: all methods differ negligibly: not judged, a run is missing" in out
+    assert "PUCT the lower: not judged, it takes a budget above 1000" in out
+    assert "with fewer than six seeds nothing is decided" in out
+    assert "clip" not in out  # it is one of helens
+    page = (flown / "multiverse.html").read_text()
+    assert "not judged, it takes a budget above 1000" in page
+    assert "nearest to the clip" not in page.partition("<main>")[2].partition("<script")[0]
+    assert main(["multiverse", "--markdown", f"results_dir={flown}"]) == 0
+    out = capsys.readouterr().out
+    assert "not judged, it takes a budget above 1000  \n" in out
+    assert "clip" not in out
+    assert main(["multiverse", "claim=c4", f"results_dir={flown}"]) == 2
+    assert "can judge C4: it takes a budget above 1000" in capsys.readouterr().err
+    table = tmp_path / "numbers.parquet"
+    made = made_up(by_choice, there=universes()[:2])
+    write(made, table)
+    assert main(["multiverse", f"table={table}", f"results_dir={tmp_path}"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "the 1 universe nearest to the authors' clip" in out
+    assert "not judged" not in out
+    assert "fewer than six" not in out
+    some = made.missions[(made.missions["seed"] < 3) | (made.missions["universe"] == DEFAULT)]
+    write(replace(made, missions=some), table)
+    assert main(["multiverse", f"table={table}", f"results_dir={tmp_path}"]) == 0
+    assert "2 universes, 3 to 6 seeds" in capsys.readouterr().out
+
+
+def test_what_cannot_be_written_is_told_after_the_numbers(flown, tmp_path, capsys):
+    folder = shutil.copytree(flown, tmp_path / "copy")
+    (folder / "multiverse.parquet").unlink(missing_ok=True)
+    (folder / "multiverse.parquet").mkdir()
+    assert main(["multiverse", f"results_dir={folder}"]) == 1
+    told = capsys.readouterr()
+    assert "volcano, budget 200, model=gp, 2 universes, 1 seed" in told.out
+    assert "multiverse.parquet could not be written" in told.err
+
+
 def test_all_universes_are_named(capsys):
+    assert main(["multiverse", "--list", "claim=C4", "--json"]) == 2
+    assert "leave claim=, --json out" in capsys.readouterr().err
     assert main(["multiverse", "--list"]) == 0
     named = capsys.readouterr().out.splitlines()
     assert [line.split(": ")[0] for line in named][:1] == [DEFAULT]

@@ -157,12 +157,13 @@ def _comparison(
     stated = side.times(e.rules.margin if name in SHARES else e.margin)
     known = [] if effect is None else effect.dropna().sort_index().items()
     values = {int(str(seed)): float(value) for seed, value in known}
+    above = {"early": e.rules.early[0], "late": LATE}.get(name, 0)
     lacks = ""
     if effect is None:
         lacks = "a run is missing"
     elif not values:
-        lacks = "not reached" if name in ("early", "late") else "no seed has it"
-    return Comparison(what, unit, stated, values, lacks=lacks)
+        lacks = "not reached" if above else "no seed has it"
+    return Comparison(what, unit, stated, values, lacks=lacks, above=above)
 
 
 def _c1(e: Numbers) -> list[Comparison]:

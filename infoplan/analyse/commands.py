@@ -33,14 +33,23 @@ def commands(selection: Selection, wanted: Iterable[Wanted]) -> tuple[str, ...]:
     return (study_command(selection),)
 
 
-def run_command(selection: Selection, method: str, rho: float, scope: str = "batch") -> str:
-    """Command that makes one run of a method of the paper, as ``UCT-COPOD``."""
+def run_command(
+    selection: Selection,
+    method: str,
+    rho: float,
+    scope: str = "batch",
+    seeds: Iterable[int] | None = None,
+) -> str:
+    """Command that makes one run of a method of the paper, as ``UCT-COPOD``.
+
+    Its seeds are those of the selection if none are given.
+    """
     planner, detector = PAPERS_CHOICES[method]
     options: dict[str, Any] = {"planner": planner, "detector": detector}
     if scope == "historical" and detector == "copod":
         options["detector.scope"] = scope
     options["rho"] = rho
-    return _line(["infoplan", "run"], options | _common(selection, detector == "copod"))
+    return _line(["infoplan", "run"], options | _common(selection, detector == "copod", seeds))
 
 
 def study_command(selection: Selection) -> str:
@@ -49,14 +58,16 @@ def study_command(selection: Selection) -> str:
     return _line(["infoplan", "run", "-m"], {"experiment": "fig5"} | common)
 
 
-def _common(selection: Selection, copod: bool) -> dict[str, Any]:
+def _common(
+    selection: Selection, copod: bool, of_seeds: Iterable[int] | None = None
+) -> dict[str, Any]:
     """Options that the runs of a selection share, where they are not the default."""
     options = _terrain_options(selection)
     for flat in selection.options.values():
         for name, value in (changed_options(flat) | _model_options(flat)).items():
             if name not in NOT_OPTIONS and (copod or not name.startswith("detector.")):
                 options[name] = value
-    seeds = sorted(set(selection.missions["seed"]))
+    seeds = sorted(set(selection.missions["seed"] if of_seeds is None else of_seeds))
     count = seeds == list(range(len(seeds)))
     if not (count and len(seeds) == 10):
         options["seeds"] = len(seeds) if count else seeds

@@ -28,6 +28,8 @@ from infoplan.study.store import (
     table_path,
 )
 from infoplan.study.stored_curves import ended_collapsed, ended_moving
+from infoplan.text_options import as_override
+from infoplan.wording import spans
 
 PARTS = {
     "learning": "learning",
@@ -177,8 +179,8 @@ def find_best(results_dir: Path, run: str, named: str | None = None) -> str:
     return found[0]
 
 
-def command_of_best(selection: Selection) -> str:
-    """Write the command that flies UCT-BEST with the options and seeds of a run."""
+def command_of_best(selection: Selection, seeds: Sequence[int] | None = None) -> str:
+    """Write the command that flies UCT-BEST with the options of a run, and its seeds or others."""
     (run, own), = selection.options.items()  # fmt: skip
     kept = set(vars(TreeSearchConfig()))
     options = {
@@ -186,7 +188,8 @@ def command_of_best(selection: Selection) -> str:
         if name != REPLAY
         and (not name.startswith("planner.") or name.removeprefix("planner.") in kept)
     }  # fmt: skip
-    return run_command(replace(selection, options={run: options}), "UCT-BEST", float(own["rho"]))
+    of_run = replace(selection, options={run: options})
+    return run_command(of_run, "UCT-BEST", float(own["rho"]), seeds=seeds)
 
 
 def common_seeds(results_dir: Path, run: str, best: str, seeds: Sequence[int] | None) -> list[int]:
@@ -199,15 +202,31 @@ def common_seeds(results_dir: Path, run: str, best: str, seeds: Sequence[int] | 
     """
     missions = list_missions(results_dir)
     common = sorted(set(missions[run]) & set(missions[best]))
-    wanted = common if seeds is None else sorted(set(seeds))
-    lacking = [seed for seed in wanted if seed not in common]
-    if lacking or not wanted:
-        which = f"seed {lacking[0]} is" if lacking else "no seed is"
-        raise UsageError(
-            f"{which} stored both of {run} and of {best}, which have {common or 'none'} in common: "
-            f"fly it with {command_of_best(find_missions(results_dir, run=run))}"
+    if seeds is None and common:
+        return common
+    wanted = sorted(set(missions[run] if seeds is None else seeds))
+    not_flown, without_best = (
+        [seed for seed in wanted if seed not in missions[name]] for name in (run, best)
+    )
+    told = []
+    if not_flown:
+        told.append(
+            f"{_which(not_flown)} not stored of {run}: give the command that flew the others "
+            f"{as_override('seeds', not_flown)}"
         )
+    if without_best:
+        fly = command_of_best(find_missions(results_dir, run=run), without_best)
+        told.append(
+            f"{_which(without_best)} not stored of {best}, to compare it with: fly it with {fly}"
+        )
+    if told:
+        there = f"both have seeds {spans(common)}" if common else "they have no seed in common"
+        raise UsageError(f"{'; '.join(told)}; {there}")
     return wanted
+
+
+def _which(seeds: Sequence[int]) -> str:
+    return f"seed{'s' if len(seeds) > 1 else ''} {spans(seeds)} {'are' if len(seeds) > 1 else 'is'}"
 
 
 def has_refits(results_dir: Path, run: str, seed: int) -> bool:

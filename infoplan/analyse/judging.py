@@ -30,6 +30,8 @@ SUPPORTED, CONTRADICTED, UNDECIDED, MISSING = "supported", "contradicted", "unde
 SEEDS_NEEDED = 6
 """With fewer seeds no exact one-sided p can be as small as 0.025: 2^-5 is 0.031."""
 
+FEW_SEEDS = "with fewer than six seeds nothing is decided, and intervals are rough"
+
 MARGIN = 0.05
 """What is negligible: of shares five points in a hundred, of elevations and errors this share of
 the terrain's standard deviation."""
@@ -89,6 +91,8 @@ class Comparison:
         How many comparisons the claim names.
     lacks
         What is missing, in words; empty if nothing.
+    above
+        A mission's budget has to be above so many samples for it to have a value.
     """
 
     what: str
@@ -97,6 +101,7 @@ class Comparison:
     values: Mapping[int, float]
     among: int = 1
     lacks: str = ""
+    above: int = 0
 
     @cached_property
     def effect(self) -> Interval:
@@ -239,7 +244,7 @@ def claims_page(claims: Sequence[Claim], caption: str) -> str:
             rows.append(["", one.what, shown, one.effect.n, one.verdict])
     few = any(not one.lacks and len(one.values) < SEEDS_NEEDED for claim in claims
               for one in claim.comparisons)  # fmt: skip
-    told = ["with fewer than six seeds nothing is decided, and intervals are rough"] if few else []
+    told = [FEW_SEEDS] if few else []
     commands = dict.fromkeys(command for claim in claims for command in claim.commands)
     told += [f"what is missing is to be had with {command}" for command in commands]
     return html_table(caption, rows, head, told)

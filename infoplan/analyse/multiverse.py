@@ -39,6 +39,9 @@ CLIP: tuple[tuple[int, float], ...] = (
 """Samples and RMSE in ft, read off the authors' clip of one mission on helens; neither its method
 nor its share of outliers is told."""
 
+CLIP_OF = ("helens", "ft")
+"""Its map and unit."""
+
 NEAREST = 0.1
 """Share of the universes that is looked at as the nearest to the clip."""
 
@@ -161,6 +164,15 @@ def claim_curves(multiverse: Multiverse, names: Sequence[str] = tuple(TEXTS)) ->
             binding = int(np.bincount(short.argmin(axis=1)).argmax())
             curves.append(_curve(name, there, binding))
     return curves
+
+
+def why_unjudged(name: str, multiverse: Multiverse) -> str:
+    """Say what all universes lack to judge a claim, which has no curve then."""
+    made = [one for found in multiverse.numbers.values() for one in COMPARISONS[name](found)]
+    above = max(one.above for one in made)
+    if above >= multiverse.budget:
+        return f"it takes a budget above {above}"
+    return f"{next(one.lacks for one in made if one.lacks)} in every universe"
 
 
 def effects_of_rules(curve: ClaimCurve, multiverse: Multiverse) -> pd.DataFrame:
@@ -511,8 +523,10 @@ def nearness(multiverse: Multiverse) -> pd.DataFrame:
         A row a universe, the nearest first: universe; method and rho of the run that comes nearest
         (scope batch), as the clip tells neither; mean, low, high of its distance, the root mean
         square over the clip's points within the budget of the logarithm of the ratio of the two
-        RMSE, over seeds, with 95 % t intervals.
+        RMSE, over seeds, with 95 % t intervals. Empty on other maps than the clip's.
     """
+    if (multiverse.terrain, multiverse.unit) != CLIP_OF:
+        return pd.DataFrame(columns=["universe", "method", "rho", "mean", "low", "high"])
     points = [(at, value) for at, value in CLIP if at <= multiverse.budget]
     at, clip = np.array(points).T
     batch = multiverse.missions[multiverse.missions["scope"] == "batch"]
@@ -523,13 +537,13 @@ def nearness(multiverse: Multiverse) -> pd.DataFrame:
     for (universe, method, rho), distances in by:
         found = mean_interval(distances)
         rows.append({"universe": universe, "method": method, "rho": rho, "mean": found.mean,
-                     "low": found.low, "high": found.high})  # fmt: skip
+                     "low": max(found.low, 0.0), "high": found.high})  # fmt: skip
     table = pd.DataFrame(rows).sort_values("mean", ignore_index=True)
     return table.drop_duplicates("universe", ignore_index=True)
 
 
 def nearest_tenth(multiverse: Multiverse) -> list[str]:
-    """Name the tenth of the universes that is nearest to the clip, at least one."""
+    """Name the tenth of the universes that is nearest to the clip, at least one; on its map."""
     ranked = nearness(multiverse)["universe"]
     return ranked.head(max(1, round(NEAREST * len(ranked)))).tolist()
 

@@ -180,7 +180,11 @@ def find_missions(results_dir: str | Path, **filters: Any) -> Selection:
             notes = (f"{counted(int(replays.sum()), 'replayed mission')} left out; choose with "
                      f"{REPLAY}=true",)  # fmt: skip
     if filters.get("terrain") is None and DEFAULT_TERRAIN in set(missions["terrain"]):
+        others = missions[missions["terrain"] != DEFAULT_TERRAIN]
         missions = missions[missions["terrain"] == DEFAULT_TERRAIN]
+        if len(others):
+            notes = (*notes, f"missions on {_found(others, options, 'terrain')} left out; choose "
+                             "with terrain=")  # fmt: skip
     runs = list(dict.fromkeys(missions["run"]))
     options = {run: options[run] for run in runs}
     _check_together(missions, options)

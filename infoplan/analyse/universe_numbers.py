@@ -1,6 +1,7 @@
 """The numbers of every universe: which stored mission belongs to which, and what claims compare."""
 
 import json
+import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ from infoplan.analyse.tables import Selection, find_missions, study_of
 from infoplan.errors import UsageError
 from infoplan.files import writing
 from infoplan.study.universes import CHOICES, FILTERED, METHODS, Universe, universes
-from infoplan.text_options import as_override
+from infoplan.text_options import as_command
+from infoplan.wording import counted, harmless
 
 SUMMED = ("final", "early", "late", "rise", "precision")
 """Numbers out of a mission's curve; the others take its samples and maps."""
@@ -43,6 +45,9 @@ OPTIONS = {name for one in CHOICES for level in one.levels.values() for name in 
 
 ABOUT = b"infoplan.multiverse"
 """Name of what a file tells about itself."""
+
+SAID_EVERY = 5.0
+"""Seconds between two lines about how far it is."""
 
 Levels = tuple[tuple[str, Any], ...]
 """Options of a run that are not the defaults, and their values, sorted."""
@@ -79,6 +84,11 @@ class Multiverse:
         """Those of which there are missions, in the order in which they are flown."""
         there = set(self.missions["universe"])
         return [one for one in universes() if one.name in there]
+
+    @property
+    def seeds_of_runs(self) -> list[int]:
+        """How many seeds each run of each universe has."""
+        return [len(rows) for of_universe in self._runs.values() for rows in of_universe.values()]
 
     @cached_property
     def numbers(self) -> dict[str, "OfUniverse"]:
@@ -151,20 +161,24 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
         If there are none, or they differ in other options than the choices of the multiverse.
     """
     selection = study_of(find_missions(results_dir, **filters), free=OPTIONS)
+    for note in selection.notes:
+        say(note)
     belongs = universes_of_runs(selection)
     if not belongs:
-        place = as_override("results_dir", str(results_dir))
         raise UsageError(
-            f"results_dir={results_dir} holds no universe with all four methods: fly them with "
-            f"infoplan run -m experiment=multiverse model=vecchia {place}"
+            f"results_dir={results_dir} holds no universe with all four methods: "
+            f"{how_to_fly(results_dir)}"
         )
     axis = tuple(range(100, selection.budget + 1, STEP))
     tasks = [delayed(_of_run)(selection.only([run]), axis) for run in belongs]
     frames: dict[str, pd.DataFrame] = {}
+    told = time.monotonic()
     for frame in Parallel(n_jobs=-1, return_as="generator")(tasks):
         run = str(frame["run"].iloc[0])
         frames[run] = frame.drop(columns="run")
-        say(f"[{len(frames)}/{len(belongs)}] {run}")
+        if time.monotonic() - told > SAID_EVERY:
+            told = time.monotonic()
+            say(f"numbers of {len(frames)} of {counted(len(belongs), 'run')}")
     rows = [
         frames[run].assign(universe=universe)
         for run, names in belongs.items()
@@ -178,6 +192,12 @@ def collect(results_dir: str | Path, say: Callable[[str], None], **filters: Any)
         missions[columns], axis, selection.terrain, selection.unit, selection.budget,
         str(first["model.name"]), Measures(selection).deviation,
     )  # fmt: skip
+
+
+def how_to_fly(results_dir: str | Path) -> str:
+    """Say how the universes get into a results folder."""
+    fly = as_command("infoplan run -m experiment=multiverse model=vecchia", results_dir)
+    return f"fly them with {fly}"
 
 
 def in_order(missions: pd.DataFrame) -> pd.DataFrame:
@@ -220,15 +240,26 @@ def read(path: Path) -> Multiverse:
     UsageError
         If the file is none of these.
     """
+    wrong = f"{path} is no table that infoplan multiverse has written"
+    if not path.exists():
+        raise UsageError(f"there is no file {path}: infoplan multiverse writes a table")
     try:
-        table = pq.read_table(path)
-        about = json.loads((table.schema.metadata or {})[ABOUT])
+        # A folder of tables would be read as one.
+        with path.open("rb") as file:
+            table = pq.read_table(file)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (pa.ArrowException, ValueError) as error:
+        raise UsageError(f"{wrong} ({harmless(str(error))})") from error
+    told = (table.schema.metadata or {}).get(ABOUT)
+    if told is None:
+        raise UsageError(wrong)
+    try:
+        about = json.loads(told)
         about["axis"] = tuple(about["axis"])
         return Multiverse(missions=table.to_pandas(), **about)
-    except (OSError, pa.ArrowException, KeyError, ValueError, TypeError) as error:
-        raise UsageError(
-            f"{path} is no table of a multiverse ({error}): infoplan multiverse writes one"
-        ) from error
+    except (pa.ArrowException, KeyError, ValueError, TypeError) as error:
+        raise UsageError(f"{wrong} ({harmless(str(error))})") from error
 
 
 def universes_of_runs(selection: Selection) -> dict[str, list[str]]:

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from infoplan.errors import UsageError
 from infoplan.files import user_path
 
 OPEN = "open"
@@ -33,7 +34,10 @@ class UserPath(click.ParamType):
         from infoplan.text_options import typed_text
 
         text = typed_text(param.word, str(value))
-        return None if text is None else user_path(text)
+        path = None if text is None else user_path(text)
+        if path and self.folder and path.exists() and not path.is_dir():
+            raise UsageError(f"{param.word}={value} is a file, where a folder is taken")
+        return path
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:
         """Offer what is there."""

@@ -12,7 +12,15 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from infoplan.analyse.judging import SEEDS_NEEDED, UNDECIDED, Claim, Comparison, Stated
+from infoplan.analyse.judging import (
+    FEW_SEEDS,
+    MISSING,
+    SEEDS_NEEDED,
+    UNDECIDED,
+    Claim,
+    Comparison,
+    Stated,
+)
 from infoplan.analyse.tables import Selection
 from infoplan.collapse import share_text
 from infoplan.draw.console import say, say_command
@@ -45,12 +53,12 @@ def print_claims(claims: list[Claim], selection: Selection, console: Console) ->
     print_table(console, heading(selection), columns, rows, named=2)
     for note in selection.notes:
         say(console, note)
-    for names, cures in _missing(claims).items():
-        before = f"{', '.join(names)}: missing, to be had with"
+    for names, cures, budget in _missing(claims, selection):
+        before = f"{names}: missing, to be had with"
         for cure in cures:
             say_command(console, before, cure)
         if not cures:
-            say(console, f"{before} a budget above {selection.budget}")
+            say(console, f"{before} {budget}")
     for line in (holm_words(claims), *_few(selection)):
         say(console, line)
 
@@ -74,9 +82,9 @@ def markdown(claims: list[Claim], selection: Selection) -> str:
         said = " | ".join(markdown_cell(text) for text in (claim.name, claim.text, claim.where))
         lines.append(f"| {said} | {compared} | {verdict} |")
     below = [markdown_cell(note) for note in selection.notes]
-    for names, cures in _missing(claims).items():
-        told = "; ".join(map(_code, cures)) or f"a budget above {selection.budget}"
-        below.append(f"{', '.join(names)}: missing, to be had with {told}")
+    for names, cures, budget in _missing(claims, selection):
+        told = "; ".join(map(_code, cures)) or budget
+        below.append(f"{names}: missing, to be had with {told}")
     below += [holm_words(claims), *_few(selection)]
     return "\n".join([*lines, "", *(f"{line}  " for line in below)]).rstrip()
 
@@ -166,9 +174,8 @@ def holm_words(claims: Sequence[Claim]) -> str:
 def remarks(claims: list[Claim], selection: Selection) -> list[str]:
     """Say what the reader should know besides: what was left out, what to run, few seeds."""
     lines = list(selection.notes)
-    for names, cures in _missing(claims).items():
-        cure = "; ".join(cures) or f"a budget above {selection.budget}"
-        lines.append(f"{', '.join(names)}: missing, to be had with {cure}")
+    for names, cures, budget in _missing(claims, selection):
+        lines.append(f"{names}: missing, to be had with {'; '.join(cures) or budget}")
     return [*lines, *_few(selection)]
 
 
@@ -184,20 +191,24 @@ def _row(item: Comparison) -> list[Cell]:
     ]
 
 
-def _missing(claims: list[Claim]) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Commands that make what claims lack, by the claims' names."""
-    names: dict[tuple[str, ...], list[str]] = {}
+def _missing(
+    claims: Sequence[Claim], selection: Selection
+) -> list[tuple[str, tuple[str, ...], str]]:
+    """Names of claims that lack something, commands that make it, and the budget it takes."""
+    names: dict[tuple[tuple[str, ...], str], list[str]] = {}
     for claim in claims:
-        if claim.verdict == "missing":
-            names.setdefault(claim.commands, []).append(claim.name)
-    return {tuple(listed): cures for cures, listed in names.items()}
+        if claim.verdict == MISSING:
+            above = max([selection.budget, *(one.above for one in claim.comparisons)])
+            cure = (claim.commands, f"a budget above {above}")
+            names.setdefault(cure, []).append(claim.name)
+    return [(", ".join(listed), *cure) for cure, listed in names.items()]
 
 
 def _few(selection: Selection) -> list[str]:
     """Warn of too few seeds."""
     if selection.missions.groupby("run")["seed"].nunique().min() >= SEEDS_NEEDED:
         return []
-    return ["with fewer than six seeds nothing is decided, and intervals are rough"]
+    return [FEW_SEEDS]
 
 
 def _claim(claim: Claim) -> dict[str, Any]:

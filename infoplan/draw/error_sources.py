@@ -108,7 +108,7 @@ def _draw_steps(axes: "Axes", one: ErrorSources) -> None:
         if place + 1 < len(numbers):
             axes.plot([place + HALF, place + 1 - HALF], [end, end], color=style.FAINT, lw=0.5)
     _name_numbers(axes, numbers, one)
-    names = ["BEST", *(LABELS[part] for part in STEPS), style.inert(one.method, 14)]
+    names = ["BEST", *(LABELS[part] for part in STEPS), style.inert(one.method, 20)]
     axes.set_xticks(range(len(names)), names, fontsize=style.SMALL, rotation=45, ha="right",
                     rotation_mode="anchor")  # fmt: skip
     axes.axhline(0.0, color=style.INK, lw=0.6)

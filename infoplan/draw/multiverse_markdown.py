@@ -18,7 +18,7 @@ from infoplan.analyse.multiverse import (
 )
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.multiverse_page_data import Moved
-from infoplan.draw.multiverse_table import chosen, default_verdict, heading, moved_by
+from infoplan.draw.multiverse_table import chosen, default_verdict, heading, moved_by, remarks
 from infoplan.study.universes import CHOICES, METHODS
 from infoplan.wording import figure, interval, markdown_cell
 
@@ -59,7 +59,9 @@ def markdown(
         "mean square of the logarithm of the ratio of the two RMSE, with its 95 % interval, and "
         f"the run that comes so near; {ends}.": _near(multiverse, curves, nearest),
     }
-    return "\n\n".join(f"{told}\n\n{table}" for told, table in tables.items() if table)
+    written = [f"{told}\n\n{table}" for told, table in tables.items() if table]
+    told = [f"{markdown_cell(line)}  " for line in remarks(multiverse, curves)]
+    return "\n\n".join([*written, *(["\n".join(told)] if told else [])])
 
 
 def control(first: Multiverse, second: Multiverse) -> str:
@@ -92,11 +94,13 @@ def _claims(
         unit = f" {curve.unit}" if curve.unit else ""
         rows.append([
             curve.name, curve.text, *(str(curve.verdicts.count(one)) for one in VERDICTS),
-            default_verdict(curve), f"{near.count(VERDICTS[0])} of {len(near)}",
+            default_verdict(curve),
+            *([f"{near.count(VERDICTS[0])} of {len(near)}"] if nearest else []),
             f"{curve.what}: {figure(test.median)}{unit}", figure(test.p_median),
             moved_by(moved[curve.name].jointly).replace("*", r"\*"),
         ])  # fmt: skip
-    names = ["", "claim", *VERDICTS, "by default", "supported near the clip",
+    names = ["", "claim", *VERDICTS, "by default",
+             *(["supported near the clip"] if nearest else []),
              "binding comparison, median effect", "joint p",
              "variance over joint universes that only this choice explains"]  # fmt: skip
     return _table(names, rows)

@@ -296,7 +296,8 @@
       host.append(element("label", {}, title, select));
     };
     choices.forEach((choice, c) => filter(choice.name, choice.levels, (level) => (level === null ? filters.delete(c) : filters.set(c, level))));
-    filter("the authors' clip", ["nearest"], (level) => (nearAlone = level !== null));
+    const near = universes.some((one) => one.near);
+    if (near) filter("the authors' clip", ["nearest"], (level) => (nearAlone = level !== null));
     part("no-filter").addEventListener("click", () => {
       filters.clear();
       nearAlone = false;
@@ -306,7 +307,7 @@
     });
     const keys = VERDICTS.map((verdict) => [svg("path", { class: `sign ${verdict}`, d: sign(verdict, 7, 7, 4) }), verdict]);
     keys.push([svg("circle", { class: "default", cx: 7, cy: 7, r: 5.5 }), "the defaults"]);
-    keys.push([svg("line", { class: "near", x1: 7, x2: 7, y1: 2, y2: 12 }), "nearest to the clip"]);
+    if (near) keys.push([svg("line", { class: "near", x1: 7, x2: 7, y1: 2, y2: 12 }), "nearest to the clip"]);
     for (const [mark, name] of keys) {
       part("signs").append(element("li", {}, svg("svg", { viewBox: "0 0 14 14", "aria-hidden": "true", class: VERDICTS.includes(name) ? name : "" }, mark), name));
     }

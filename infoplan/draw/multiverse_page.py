@@ -8,7 +8,7 @@ import pandas as pd
 from infoplan.analyse.multiverse import ClaimCurve, JointTest
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.multiverse_page_data import Moved, page_data
-from infoplan.draw.multiverse_table import default_verdict, heading
+from infoplan.draw.multiverse_table import default_verdict, heading, remarks
 from infoplan.draw.page import as_html, fill_page, html_table, write_page
 from infoplan.study.universes import CHOICES, Universe
 from infoplan.wording import counted, figure
@@ -40,7 +40,7 @@ def write_multiverse_page(
     parts = {
         "title": "What the paper's claims hang on",
         "subtitle": as_html(heading(multiverse)),
-        "summary": _summary(curves, moved, nearest),
+        "summary": _summary(multiverse, curves, moved, nearest),
         "shares": _shares(moved),
     }
     page = fill_page("multiverse_page", data, parts, brand="multiverse", first="summary",
@@ -49,14 +49,18 @@ def write_multiverse_page(
 
 
 def _summary(
-    curves: Sequence[ClaimCurve], moved: Mapping[str, Moved], nearest: Sequence[str]
+    multiverse: Multiverse,
+    curves: Sequence[ClaimCurve],
+    moved: Mapping[str, Moved],
+    nearest: Sequence[str],
 ) -> str:
-    """Tell how every claim fares over all universes."""
+    """Tell how every claim fares over all universes, and which are not judged."""
+    told = "".join(f"<p>{as_html(line)}</p>" for line in remarks(multiverse, curves))
     if not curves:
-        return "<p>No universe has the runs of a claim.</p>"
+        return told
     headings = ["claim", "median effect", "supported", "contradicted", "undecided", "by default",
-                f"supported in the {len(nearest)} nearest to the clip", "p of the median",
-                "on one side of zero", "mean t, p"]  # fmt: skip
+                *([f"supported in the {len(nearest)} nearest to the clip"] if nearest else []),
+                "p of the median", "on one side of zero", "mean t, p"]  # fmt: skip
     rows = []
     for curve in curves:
         near = [v for n, v in zip(curve.universes, curve.verdicts, strict=True) if n in nearest]
@@ -65,10 +69,12 @@ def _summary(
             f"{curve.name}: {curve.text}",
             f"{figure(test.median)} {curve.unit}".strip(),
             *(str(curve.verdicts.count(one)) for one in ("supported", "contradicted", "undecided")),
-            default_verdict(curve), str(near.count("supported")), figure(test.p_median),
+            default_verdict(curve), *([str(near.count("supported"))] if nearest else []),
+            figure(test.p_median),
             *test_words(test),
         ])  # fmt: skip
-    return html_table(headings, rows, caption=f"Claims over {counted(_most(curves), 'universe')}")
+    caption = f"Claims over {counted(_most(curves), 'universe')}"
+    return html_table(headings, rows, caption=caption) + told
 
 
 def _most(curves: Sequence[ClaimCurve]) -> int:

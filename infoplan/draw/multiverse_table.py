@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.text import Text
 
 from infoplan.analyse.claims import COMPARISONS, TEXTS
-from infoplan.analyse.judging import Claim, corrected
-from infoplan.analyse.multiverse import VERDICTS, ClaimCurve, JointTest
+from infoplan.analyse.judging import FEW_SEEDS, SEEDS_NEEDED, Claim, corrected
+from infoplan.analyse.multiverse import VERDICTS, ClaimCurve, JointTest, why_unjudged
 from infoplan.analyse.universe_numbers import Multiverse
 from infoplan.draw.claims_table import effect
 from infoplan.draw.console import say, say_command
@@ -37,7 +37,7 @@ def print_multiverse(
         TextColumn("supported", right=True),
         TextColumn("contradicted", right=True),
         TextColumn("by default"),
-        TextColumn("near the clip", right=True, spare=1),
+        *([TextColumn("near the clip", right=True, spare=1)] if nearest else []),
         TextColumn("joint p", right=True, spare=2),
     ]
     rows: list[list[Cell] | None] = [
@@ -48,12 +48,27 @@ def print_multiverse(
     for curve in curves:
         told = moved_by(moves.get(curve.name)) or "nothing that stands out"
         say(console, f"{curve.name} {curve.text}. {curve.what}; moved by {told}", indent="    ")
+    for line in remarks(multiverse, curves):
+        say(console, line, indent="    ")
+    near = (
+        f"near the clip: supported in so many of the {counted(len(nearest), 'universe')} nearest "
+        "to the authors' clip; " if nearest else ""
+    )  # fmt: skip
     say(console, "effect: of the comparison that binds, named above; moved by: the part of the "
                  "variance over joint universes that only this choice explains, with * where p is "
-                 "below 0.05 after Holm's correction over choices; near the clip: supported in so "
-                 f"many of the {len(nearest)} universes that come nearest to the authors' clip; "
-                 "joint p: that the effect's median over universes is chance, by sign flips of the "
+                 f"below 0.05 after Holm's correction over choices; {near}joint p: that the "
+                 "effect's median over universes is chance, by sign flips of the "
                  "seeds")  # fmt: skip
+
+
+def remarks(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> list[str]:
+    """Say which claims are not judged, and why, and whether there are too few seeds."""
+    judged = {curve.name for curve in curves}
+    without = [
+        f"{name} {text}: not judged, {why_unjudged(name, multiverse)}"
+        for name, text in TEXTS.items() if name not in judged
+    ]  # fmt: skip
+    return [*without, *([FEW_SEEDS] if min(multiverse.seeds_of_runs) < SEEDS_NEEDED else [])]
 
 
 def print_claim(
@@ -151,6 +166,8 @@ def print_universe(
         rows += [["", item.what, effect(item), item.verdict] for item in made]
         rows.append(None)
     print_table(console, heading(multiverse), columns, rows, named=2)
+    if min(multiverse.seeds_of_runs) < SEEDS_NEEDED:
+        say(console, FEW_SEEDS)
     for command in commands:
         say_command(console, "fly it again:", command)
 
@@ -174,7 +191,8 @@ def chosen(universe: Universe) -> str:
 
 def heading(multiverse: Multiverse) -> str:
     """Say what was flown."""
-    seeds = counted(multiverse.missions["seed"].nunique(), "seed")
+    least, most = min(multiverse.seeds_of_runs), max(multiverse.seeds_of_runs)
+    seeds = counted(most, "seed") if least == most else f"{least} to {most} seeds"
     return (
         f"{multiverse.terrain}, budget {multiverse.budget}, model={multiverse.model}, "
         f"{counted(len(multiverse.universes), 'universe')}, {seeds}"
@@ -188,14 +206,14 @@ def default_verdict(curve: ClaimCurve) -> str:
 
 def _fate(curve: ClaimCurve, test: JointTest, nearest: Sequence[str]) -> list[Cell]:
     verdict = default_verdict(curve)
-    near = [curve.verdict_in(name) for name in nearest]
+    near = [curve.verdict_in(name) for name in nearest].count("supported")
     unit = f" {curve.unit}" if curve.unit else ""
     return [
         f"{figure(test.median)}{unit}",
         str(curve.verdicts.count("supported")),
         str(curve.verdicts.count("contradicted")),
         Text(verdict, style=TERMINAL.get(verdict, "")),
-        str(near.count("supported")),
+        *([str(near)] if nearest else []),
         figure(test.p_median),
     ]
 

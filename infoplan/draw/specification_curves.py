@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ACROSS = 3
 """Panels beside each other."""
 
+SORTED = "universe, by effect"
+
 
 def draw_overview(curves: Sequence[ClaimCurve], nearest: Sequence[str], folder: Path) -> list[Path]:
     """Draw the curves of all claims, a panel each; returns the files.
@@ -40,7 +42,9 @@ def draw_overview(curves: Sequence[ClaimCurve], nearest: Sequence[str], folder: 
             axes.set_title(title, loc="left", fontsize=style.SMALL)
         for axes in panels.flat[len(curves) :]:
             axes.set_axis_off()
-        _legend(figure)
+        for axes in panels.flat[max(len(curves) - ACROSS, 0) : len(curves)]:
+            axes.set_xlabel(SORTED, fontsize=style.SMALL)
+        _legend(figure, nearest)
         return style.save(figure, folder, "multiverse", numbers_of(curves, nearest))
 
 
@@ -69,9 +73,9 @@ def draw_claim(
         below.set_yticks(range(len(labels)), [
             f"{choice.name if level == choice.default else ''}  {level}" for choice, level in labels
         ], fontsize=style.TINY)  # fmt: skip
-        below.set(ylim=(len(labels) - 0.5, -0.5), xlabel="universe, by effect")
+        below.set(ylim=(len(labels) - 0.5, -0.5), xlabel=SORTED)
         below.tick_params(axis="y", length=0)
-        _legend(figure)
+        _legend(figure, nearest)
         name = f"multiverse_{curve.name.lower()}"
         return style.save(figure, folder, name, numbers_of([curve], nearest))
 
@@ -93,13 +97,13 @@ def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Pa
         figure = style.new_figure(style.PAGE, 0.23 * len(shares) + 1.2)
         axes = figure.add_subplot()
         values, sure = shares.to_numpy(dtype=float), p.to_numpy(dtype=float) <= 0.05
-        image = axes.imshow(values, cmap="YlGnBu", vmin=0, vmax=max(values.max(), 0.01),
+        image = axes.imshow(100 * values, cmap="YlGnBu", vmin=0, vmax=max(100 * values.max(), 1),
                             aspect="auto")  # fmt: skip
         for row, column in np.ndindex(values.shape):
-            value, bold = float(values[row, column]), bool(sure[row, column])
-            if value >= 0.005:
+            value, bold = 100 * float(values[row, column]), bool(sure[row, column])
+            if value >= 0.5:
                 colour = style.rgba(image, value)
-                axes.text(column, row, f"{100 * value:.0f}", ha="center", va="center",
+                axes.text(column, row, f"{value:.0f}", ha="center", va="center",
                           color=style.ink_on(colour), weight="bold" if bold else "normal",
                           fontsize=style.SMALL)  # fmt: skip
         axes.set_yticks(range(len(shares)), list(shares.index))
@@ -108,7 +112,7 @@ def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Pa
         axes.xaxis.tick_top()
         axes.tick_params(length=0)
         bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03)
-        bar.set_label("share of the variance")
+        bar.set_label("% of the variance; bold: p ≤ 0.05")
         return style.save(figure, folder, "multiverse_choices", shares.reset_index(names="claim"))
 
 
@@ -129,6 +133,8 @@ def numbers_of(curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> pd.DataF
 
 def _draw_curve(axes: "Axes", curve: ClaimCurve, nearest: Sequence[str]) -> NDArray[np.int64]:
     """Draw a curve, and return the places of its universes in the order drawn."""
+    from matplotlib.ticker import MaxNLocator
+
     order = np.argsort(curve.means, kind="stable")
     at = np.arange(len(order))
     found = [curve.interval(int(place)) for place in order]
@@ -152,6 +158,7 @@ def _draw_curve(axes: "Axes", curve: ClaimCurve, nearest: Sequence[str]) -> NDAr
     axes.scatter(near, np.full(len(near), bottom), marker="|", s=14, color=style.INK, lw=0.7,
                  clip_on=False, zorder=5)  # fmt: skip
     axes.set(xlim=(-1, len(order)), ylim=(bottom, top))
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     unit = f" ({curve.unit})" if curve.unit else ""
     axes.set_ylabel(f"{_broken(curve.what)}{unit}", fontsize=style.TINY)
     return order
@@ -184,7 +191,7 @@ def _broken(what: str) -> str:
     return f"{methods}\n{number}"
 
 
-def _legend(figure: "Figure") -> None:
+def _legend(figure: "Figure", nearest: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
@@ -193,6 +200,8 @@ def _legend(figure: "Figure") -> None:
     ]
     handles += [
         Line2D([], [], marker="o", ms=5, lw=0, mfc="none", mec=style.INK, label="defaults"),
-        Line2D([], [], marker="|", ms=5, lw=0, color=style.INK, label="nearest to the clip"),
     ]
+    if nearest:
+        near = Line2D([], [], marker="|", ms=5, lw=0, color=style.INK, label="nearest to the clip")
+        handles.append(near)
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)

@@ -1,5 +1,7 @@
 """The tables around a study: what would run, and what came out."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -27,12 +29,18 @@ from infoplan.study.stored_curves import (
 from infoplan.study.study import Study
 from infoplan.wording import counted, figure, harmless, interval, spans
 
+MANY = 200
+"""Tables of more runs have a row for those of a method, map and rho together."""
+
 
 def print_summary(study: Study, console: Console) -> None:
     """Print RMSE along the budget, detector quality, time and failures of a study's runs."""
     curves = {run.name: stored_curves(study, run, seeds) for run, seeds in study.runs}
     ends = {run.name: _ends(study, run, curves[run.name]) for run, _ in study.runs}
-    _print_closing_table(study, curves, ends, console)
+    if len(study.runs) > MANY:
+        _print_closing_groups(study, curves, ends, console)
+    else:
+        _print_closing_table(study, curves, ends, console)
     if said := collapse_sentence([end for of_run in ends.values() for end in of_run]):
         say(console, said, style=TERMINAL["caution"])
     if said := moving_sentence([
@@ -54,24 +62,13 @@ def print_summary(study: Study, console: Console) -> None:
 def print_plan(study: Study, config: Config, console: Console) -> None:
     """Print what a study would fly, what is stored already, and how long it would take."""
     todo = study.todo(config.resume)
-    runs = [run for run, _ in study.runs]
-    swept = varying(runs)
-    columns = [
-        TextColumn("run", least=WHOLE),
-        *(TextColumn(name, right=True) for name in next(iter(swept.values()))),
-        TextColumn("stored", right=True),
-        TextColumn("to run", right=True),
-        TextColumn("seeds to run"),
-        TextColumn("about", right=True),
-    ]
-    rows = []
-    for run, seeds in study.runs:
-        own = [task.seed for task in todo if task.run.name == run.name]
-        one = study.pace.seconds(kind_of(run.science, run.config))
-        about = duration(one * len(own)) if one and own else ""
-        rows.append([label(run), *swept[run.name].values(), str(len(seeds) - len(own)),
-                     str(len(own)), spans(own), about])  # fmt: skip
-    print_table(console, "what would run", columns, rows)
+    own: dict[str, list[int]] = {run.name: [] for run, _ in study.runs}
+    for task in todo:
+        own[task.run.name].append(task.seed)
+    if len(study.runs) > MANY:
+        _print_groups(study, own, console)
+    else:
+        _print_runs(study, own, console)
     for stored in study.stored.values():
         if stored.state == "broken":
             say(console, f"broken: {stored.reason}", style=TERMINAL["caution"])
@@ -89,6 +86,55 @@ def print_plan(study: Study, config: Config, console: Console) -> None:
         say(console, _time(config, [seconds[task.run.name] or 0.0 for task in todo], by))
         most = max(memory_of(run.config) for run in of_run.values())
         say(console, f"a worker takes about {size(WORKER_BYTES + most)} of memory")
+
+
+def _print_runs(study: Study, own: Mapping[str, Sequence[int]], console: Console) -> None:
+    """Print each run, and which seeds of it would be flown."""
+    swept = varying([run for run, _ in study.runs])
+    columns = [
+        TextColumn("run", least=WHOLE),
+        *(TextColumn(name, right=True) for name in next(iter(swept.values()))),
+        TextColumn("stored", right=True),
+        TextColumn("to run", right=True),
+        TextColumn("seeds to run"),
+        TextColumn("about", right=True),
+    ]
+    rows = []
+    for run, seeds in study.runs:
+        left = own[run.name]
+        one = study.pace.seconds(kind_of(run.science, run.config))
+        about = duration(one * len(left)) if one and left else ""
+        rows.append([label(run), *swept[run.name].values(), str(len(seeds) - len(left)),
+                     str(len(left)), spans(left), about])  # fmt: skip
+    print_table(console, "what would run", columns, rows)
+
+
+def _print_groups(study: Study, own: Mapping[str, Sequence[int]], console: Console) -> None:
+    """Print how many missions of each method, map and rho would be flown."""
+    columns = [
+        TextColumn("method"),
+        TextColumn("map"),
+        *(TextColumn(name, right=True) for name in ("runs", "stored", "to run")),
+    ]
+    rows = [
+        [*key, str(len(group)), str(sum(len(seeds) - len(own[run.name]) for run, seeds in group)),
+         str(sum(len(own[run.name]) for run, _ in group))]
+        for key, group in _groups(study).items()
+    ]  # fmt: skip
+    print_table(console, _in_groups(study, "what would run"), columns, rows, named=2)
+
+
+def _groups(study: Study) -> dict[tuple[str, str], list[tuple[Run, list[int]]]]:
+    """Put the runs of a method, map and rho together."""
+    groups: dict[tuple[str, str], list[tuple[Run, list[int]]]] = {}
+    for run, seeds in study.runs:
+        method, where, _ = label(run).split("\n")
+        groups.setdefault((method, where), []).append((run, seeds))
+    return groups
+
+
+def _in_groups(study: Study, title: str) -> str:
+    return f"{title}: {len(study.runs)} runs, those of a method, map and rho together"
 
 
 def label(run: Run) -> str:
@@ -151,6 +197,34 @@ def _print_closing_table(
     ]  # fmt: skip
     title = f"RMSE in {' or '.join(units)}: mean [95 % interval over seeds]"
     print_table(console, title, columns, rows)
+
+
+def _print_closing_groups(
+    study: Study,
+    curves: dict[str, list[StoredCurve]],
+    ends: dict[str, list[bool | None]],
+    console: Console,
+) -> None:
+    columns = [TextColumn("method"), TextColumn("map")]
+    numbers = ("runs", "missions", "final RMSE", "collapsed", "s a seed")
+    columns += [TextColumn(name, right=True) for name in numbers]
+    rows = []
+    for key, group in _groups(study).items():
+        names = [run.name for run, _ in group]
+        flown = [curve for name in names for curve in curves[name]]
+        finals = [
+            float(np.mean([curve["rmse"][-1] for curve in curves[name]]))
+            for name in names if curves[name]
+        ]  # fmt: skip
+        middle = interval(float(np.median(finals)), min(finals), max(finals)) if finals else ""
+        rows.append([
+            *key, str(len(group)), str(len(flown)), middle,
+            share_text(*counted_ends([end for name in names for end in ends[name]])),
+            figure(float(np.mean([curve.seconds for curve in flown]))) if flown else "",
+        ])  # fmt: skip
+    print_table(console, _in_groups(study, "what came out"), columns, rows, named=2)
+    say(console, "final RMSE: median of the runs' means [least, greatest]; each run: infoplan "
+                 "show; all readings of the paper together: infoplan multiverse")  # fmt: skip
 
 
 def _ends(study: Study, run: Run, curves: list[StoredCurve]) -> list[bool | None]:

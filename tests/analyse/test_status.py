@@ -7,6 +7,7 @@ from datetime import date
 import pytest
 from studies import OPTIONS, quick, study
 
+from infoplan.analyse import load_curves
 from infoplan.cli import main
 from infoplan.study import locks
 from infoplan.study.store import list_missions, save_failure, table_path
@@ -112,6 +113,26 @@ def test_dry_run_lists_and_writes_nothing(stored, capfd, tmp_path):
     assert "with 2 workers, by the missions stored" in said
     assert "broken:" in said
     assert sorted(path for path in tmp_path.rglob("*")) == before
+
+
+def test_many_runs_are_told_by_method_map_and_rho(tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr("infoplan.draw.study_tables.MANY", 3)
+    line = ["run", "-m", *OPTIONS, "rho=0.1,0.2", "planner.exploration=0.3,0.7", "seeds=2",
+            "backend=sequential", f"results_dir={tmp_path}"]  # fmt: skip
+    assert main([*line[:-2], line[-1], "--dry-run"]) == 0
+    said = capfd.readouterr().out
+    rows = [line.split() for line in said.splitlines() if "puct none batch" in line]
+    assert "4 runs, those of a method, map and rho together" in said
+    assert [row[-4:] for row in rows] == [["0.1", "2", "0", "4"], ["0.2", "2", "0", "4"]]
+    assert "8 missions would run" in said
+    assert main(line) == 0
+    said = capfd.readouterr().out
+    (row,) = (line.split() for line in said.splitlines() if "rho 0.2 " in line)
+    ends = load_curves(tmp_path, rho=0.2).groupby(["run", "seed"])["rmse"].last()
+    means = ends.groupby("run").mean()
+    shown = [float(cell.strip("[],")) for cell in row[-7:-4]]
+    assert row[-9:-7] == ["2", "4"]
+    assert shown == pytest.approx([means.median(), means.min(), means.max()], rel=0.01)
 
 
 def test_dry_run_without_earlier_missions(tmp_path, capfd):

@@ -63,7 +63,10 @@ def test_helens_is_the_default_terrain_if_it_is_there(tmp_path):
     made_tables.store(tmp_path, "uct-none", terrain="volcano")
     assert find_missions(tmp_path).terrain == "volcano"
     made_tables.store(tmp_path, "uct-none")
-    assert find_missions(tmp_path).terrain == "helens"
+    chosen = find_missions(tmp_path)
+    assert chosen.terrain == "helens"
+    assert chosen.notes == ("missions on volcano (1) left out; choose with terrain=",)
+    assert find_missions(tmp_path, terrain="helens").notes == ()
     assert find_missions(tmp_path, terrain="volcano").terrain == "volcano"
 
 

@@ -183,11 +183,13 @@ def test_a_mistake_is_one_sentence_and_status_2(
 
 
 def test_a_picture_that_cannot_be_written_is_one_sentence(tmp_path, monkeypatch, capfd):
-    (tmp_path / "file").touch()
+    (tmp_path / "figures").touch()
     show = ["terrain", "show", "terrain=volcano"]
-    assert main([*show, f"results_dir={tmp_path / 'file'}"]) == 1
+    assert main([*show, f"results_dir={tmp_path / 'figures'}"]) == 2
+    assert "is a file, where a folder is taken" in capfd.readouterr().err
+    assert main([*show, f"results_dir={tmp_path}"]) == 1
     said = capfd.readouterr().err
-    assert "could not be written (Not a directory)" in said
+    assert "could not be written (File exists)" in said
     assert "move what is in the way elsewhere or name another results_dir" in said
     # As on a full disk: files end at 1000 bytes.
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
