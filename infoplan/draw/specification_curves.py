@@ -18,6 +18,7 @@ from infoplan.study.universes import CHOICES, DEFAULT
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
 ACROSS = 3
 """Panels beside each other."""
@@ -111,9 +112,16 @@ def draw_effects(shares: pd.DataFrame, p: pd.DataFrame, folder: Path) -> list[Pa
                         rotation_mode="anchor")  # fmt: skip
         axes.xaxis.tick_top()
         axes.tick_params(length=0)
-        bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03)
+        bar = figure.colorbar(image, ax=axes, pad=0.01, fraction=0.03, ticks=whole_numbers())
         bar.set_label("% of the variance; bold: p ≤ 0.05")
         return style.save(figure, folder, "multiverse_choices", shares.reset_index(names="claim"))
+
+
+def whole_numbers() -> "MaxNLocator":
+    """Make ticks at whole numbers, a few."""
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(6, integer=True)
 
 
 def numbers_of(curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> pd.DataFrame:
@@ -133,8 +141,6 @@ def numbers_of(curves: Sequence[ClaimCurve], nearest: Sequence[str]) -> pd.DataF
 
 def _draw_curve(axes: "Axes", curve: ClaimCurve, nearest: Sequence[str]) -> NDArray[np.int64]:
     """Draw a curve, and return the places of its universes in the order drawn."""
-    from matplotlib.ticker import MaxNLocator
-
     order = np.argsort(curve.means, kind="stable")
     at = np.arange(len(order))
     found = [curve.interval(int(place)) for place in order]
@@ -158,7 +164,7 @@ def _draw_curve(axes: "Axes", curve: ClaimCurve, nearest: Sequence[str]) -> NDAr
     axes.scatter(near, np.full(len(near), bottom), marker="|", s=14, color=style.INK, lw=0.7,
                  clip_on=False, zorder=5)  # fmt: skip
     axes.set(xlim=(-1, len(order)), ylim=(bottom, top))
-    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.xaxis.set_major_locator(whole_numbers())
     unit = f" ({curve.unit})" if curve.unit else ""
     axes.set_ylabel(f"{_broken(curve.what)}{unit}", fontsize=style.TINY)
     return order
