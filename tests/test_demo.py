@@ -127,8 +127,7 @@ def test_a_folder_that_cannot_be_written_is_told_in_a_sentence(tmp_path, capfd):
     assert main(["demo", f"results_dir={tmp_path / 'file'}"]) == 2
     said = capfd.readouterr()
     assert len(said.err.splitlines()) == 1
-    assert "cannot be written (Not a directory)" in said.err
-    assert "name another results_dir" in said.err
+    assert f"results_dir={tmp_path / 'file'} is a file: name a folder" in said.err
     assert said.out == ""
 
 

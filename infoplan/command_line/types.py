@@ -36,7 +36,7 @@ class UserPath(click.ParamType):
         text = typed_text(param.word, str(value))
         path = None if text is None else user_path(text)
         if path and self.folder and path.exists() and not path.is_dir():
-            raise UsageError(f"{param.word}={value} is a file, where a folder is taken")
+            raise UsageError(f"{param.word}={value} is a file: name a folder")
         return path
 
     def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:

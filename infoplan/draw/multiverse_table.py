@@ -68,7 +68,12 @@ def remarks(multiverse: Multiverse, curves: Sequence[ClaimCurve]) -> list[str]:
         f"{name} {text}: not judged, {why_unjudged(name, multiverse)}"
         for name, text in TEXTS.items() if name not in judged
     ]  # fmt: skip
-    return [*without, *([FEW_SEEDS] if min(multiverse.seeds_of_runs) < SEEDS_NEEDED else [])]
+    return [*without, *few_seeds(multiverse)]
+
+
+def few_seeds(multiverse: Multiverse) -> list[str]:
+    """Say so where some runs have too few seeds for a verdict."""
+    return [FEW_SEEDS] if min(multiverse.seeds_of_runs) < SEEDS_NEEDED else []
 
 
 def print_claim(
@@ -124,6 +129,8 @@ def print_claim(
         named = f"{pair['first']} x {pair['second']}: {100 * pair['share']:.0f} % more"
         told = f"{named}, p {figure(pair['p'])}; {pair['levels']}: {_moved(pair)}"
         say(console, told, indent="    ")
+    for line in few_seeds(multiverse):
+        say(console, line)
     say(console, "alone: against the defaults, paired by seed; jointly: whatever the other choices "
                  "are, by least squares over the joint universes; share: of the variance over "
                  "these that only this choice explains, p of its surest level, corrected; pairs: "
@@ -166,8 +173,8 @@ def print_universe(
         rows += [["", item.what, effect(item), item.verdict] for item in made]
         rows.append(None)
     print_table(console, heading(multiverse), columns, rows, named=2)
-    if min(multiverse.seeds_of_runs) < SEEDS_NEEDED:
-        say(console, FEW_SEEDS)
+    for line in few_seeds(multiverse):
+        say(console, line)
     for command in commands:
         say_command(console, "fly it again:", command)
 

@@ -206,7 +206,7 @@ def _print_closing_groups(
     console: Console,
 ) -> None:
     columns = [TextColumn("method"), TextColumn("map")]
-    numbers = ("runs", "missions", "final RMSE", "collapsed", "s a seed")
+    numbers = ("runs", "missions", "RMSE", "collapsed", "s a seed")
     columns += [TextColumn(name, right=True) for name in numbers]
     rows = []
     for key, group in _groups(study).items():
@@ -222,8 +222,10 @@ def _print_closing_groups(
             share_text(*counted_ends([end for name in names for end in ends[name]])),
             figure(float(np.mean([curve.seconds for curve in flown]))) if flown else "",
         ])  # fmt: skip
-    print_table(console, _in_groups(study, "what came out"), columns, rows, named=2)
-    say(console, "final RMSE: median of the runs' means [least, greatest]; each run: infoplan "
+    units = " or ".join(sorted({run.terrain.unit for run, _ in study.runs}))
+    title = _in_groups(study, f"RMSE in {units} at the end")
+    print_table(console, title, columns, rows, named=2)
+    say(console, "RMSE: median of the runs' means [least, greatest]; each run: infoplan "
                  "show; all readings of the paper together: infoplan multiverse")  # fmt: skip
 
 

@@ -186,7 +186,7 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(tmp_path, monkeypatch,
     (tmp_path / "figures").touch()
     show = ["terrain", "show", "terrain=volcano"]
     assert main([*show, f"results_dir={tmp_path / 'figures'}"]) == 2
-    assert "is a file, where a folder is taken" in capfd.readouterr().err
+    assert "is a file: name a folder" in capfd.readouterr().err
     assert main([*show, f"results_dir={tmp_path}"]) == 1
     said = capfd.readouterr().err
     assert "could not be written (File exists)" in said
