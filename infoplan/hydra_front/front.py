@@ -8,12 +8,13 @@ import io
 import os
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from datetime import datetime
 from typing import Any
 
 import hydra
+from hydra._internal.hydra import Hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
@@ -62,7 +63,8 @@ def compose_and(act: Act, arguments: list[str]) -> int:
         overrides = readable(overrides, several=is_multirun(flags, overrides))
     entry = hydra.main(version_base="1.3", config_path="pkg://infoplan.conf", config_name="config")
     quiet = redirect_stderr(io.StringIO()) if "--package" in given else nullcontext()
-    with _own_state(), _command_line(flags, overrides), quiet:
+    single = _composed_once() if _sets_no_mode(given, overrides) else nullcontext()
+    with _own_state(), _command_line(flags, overrides), single, quiet:
         register()
         register_launcher()
         now = begin(act)
@@ -148,6 +150,23 @@ def _command_line(flags: Sequence[str], overrides: Sequence[str]) -> Iterator[No
         else:
             os.environ["HYDRA_FULL_ERROR"] = saved_flag
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _sets_no_mode(given: Container[str], overrides: Sequence[str]) -> bool:
+    """Tell that nothing says ``hydra.mode``: no configuration of the user's, no option of Hydra."""
+    own = any(flag in given for flag in ("--config-path", "--config-name", "--config-dir"))
+    return not own and not any(word.lstrip("+~").startswith("hydra") for word in overrides)
+
+
+@contextmanager
+def _composed_once() -> Iterator[None]:
+    """Keep Hydra from composing everything once more to learn a mode that nothing sets."""
+    get_mode = Hydra.get_mode
+    Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        Hydra.get_mode = get_mode  # type: ignore[method-assign]
 
 
 def _sweep_folder(overrides: Sequence[str], scratch: str) -> str:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from command import SMALL, infoplan
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
 from infoplan.cli import main
 
@@ -163,3 +164,27 @@ def test_unknown_command_and_no_command(capfd):
     assert "did you mean 'run'" in capfd.readouterr().err
     assert main([]) == 2
     assert "infoplan run" in capfd.readouterr().out
+
+
+def test_a_run_is_composed_once_and_a_mode_is_heard(tmp_path, monkeypatch, capfd):
+    load, composed = ConfigLoaderImpl.load_configuration, []
+
+    def counting(*arguments, **options):
+        composed.append(options)
+        return load(*arguments, **options)
+
+    monkeypatch.setattr(ConfigLoaderImpl, "load_configuration", counting)
+    line = ["run", "--dry-run", "terrain=volcano", "planner=uct", "detector=none", "seeds=1",
+            f"results_dir={tmp_path / 'results'}"]  # fmt: skip
+    assert main(line) == 0
+    assert len(composed) == 1
+    assert "1 mission would run" in capfd.readouterr().out
+    assert main([*line, "rho=0.1,0.2", "hydra.mode=MULTIRUN"]) == 0
+    assert "2 missions would run" in capfd.readouterr().out
+    own = tmp_path / "own" / "experiment" / "both.yaml"
+    own.parent.mkdir(parents=True)
+    own.write_text(
+        "# @package _global_\nhydra: {mode: MULTIRUN, sweeper: {params: {rho: '0.1,0.2,0.3'}}}\n"
+    )
+    assert main([*line, "--config-dir", str(tmp_path / "own"), "experiment=both"]) == 0
+    assert "3 missions would run" in capfd.readouterr().out
