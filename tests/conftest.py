@@ -1,6 +1,7 @@
 """Fixtures that all tests share: a small map, a small mission, the command line."""
 
 import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,11 @@ from infoplan.terrain import Terrain, load_terrain
 
 # Workers of pytest-xdist have a width of 80, for which tables are laid out; pipes have none.
 os.environ.pop("COLUMNS", None)
+
+# Who starts tests in a shell's background, or by nohup, has them ignore signals that they are about.
+for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
 
 # The first example may compile kernels, and a loaded machine is no fault.
 settings.register_profile("infoplan", deadline=None)
