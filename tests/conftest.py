@@ -15,7 +15,7 @@ from infoplan.terrain import Terrain, load_terrain
 # Workers of pytest-xdist have a width of 80, for which tables are laid out; pipes have none.
 os.environ.pop("COLUMNS", None)
 
-# Who starts tests in a shell's background, or by nohup, has them ignore signals that they are about.
+# In a shell's background, or by nohup, tests would ignore the signals that they are about.
 for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
