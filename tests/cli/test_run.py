@@ -167,6 +167,7 @@ def test_unknown_command_and_no_command(capfd):
 
 
 def test_a_run_is_composed_once_and_a_mode_is_heard(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)  # where Hydra leaves its multirun.yaml
     load, composed = ConfigLoaderImpl.load_configuration, []
 
     def counting(*arguments, **options):
