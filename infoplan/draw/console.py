@@ -17,7 +17,7 @@ UNLIMITED = 100_000
 INDENT = "  "
 """Of the fields of a stacked row."""
 
-WORD = re.compile(r" *(?:[^ ]*\d (?=(?:s|min|h|m|ft|kB|MB|GB)\b))?[^ ]+")
+WORD = re.compile(r" *(?:[^ ]*\d (?=(?:s|min|h|m|ft|kB|MB|GB)\b|%))?[^ ]+")
 """What no line is broken in: a word, or a number with its unit."""
 
 
