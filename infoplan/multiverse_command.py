@@ -37,7 +37,7 @@ from infoplan.draw.specification_curves import draw_claim, draw_effects, draw_ov
 from infoplan.errors import UsageError
 from infoplan.study.store import list_missions
 from infoplan.study.universes import CHOICES, Universe, universes
-from infoplan.text_options import as_override
+from infoplan.text_options import as_command, as_override
 from infoplan.wording import counted, suggest
 
 PARTING = {*LABELS, *OPTIONS} - {"terrain", "budget"}
@@ -214,9 +214,10 @@ def _commands(
         common = [as_override("terrain", numbers.terrain), as_override("budget", numbers.budget),
                   as_override("model", numbers.model), as_override("seeds", _seeds(numbers)),
                   ]  # fmt: skip
-    if str(results_dir) != "results":
-        common.append(as_override("results_dir", str(results_dir)))
-    return [" ".join(["infoplan run -m", line, *common]) for line in universe.lines()]
+    return [
+        as_command(" ".join(["infoplan run -m", line, *common]), results_dir)
+        for line in universe.lines()
+    ]
 
 
 def _seeds(numbers: Multiverse) -> int | list[int]:

@@ -49,6 +49,7 @@ def said(words: list[str], capfd: pytest.CaptureFixture[str]) -> str:
         ("fault.draw=mission", "use spike or batch"),
         ("detector.judge_pilot=maybe", "detector.judge_pilot must be true or false"),
         ("pilot.outliers=2", "pilot.outliers must be true or false"),
+        ("pilot.outliers=-1", "pilot.outliers must be true or false"),
         ("planner=greedy planner.average=planned", "has no option 'planner.average'"),
     ],
 )

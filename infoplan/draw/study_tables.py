@@ -128,7 +128,7 @@ def _groups(study: Study) -> dict[tuple[str, str], list[tuple[Run, list[int]]]]:
     """Put the runs of a method, map and rho together."""
     groups: dict[tuple[str, str], list[tuple[Run, list[int]]]] = {}
     for run, seeds in study.runs:
-        method, where, _ = label(run).split("\n")
+        method, where, _ = label_lines(run)
         groups.setdefault((method, where), []).append((run, seeds))
     return groups
 
@@ -139,14 +139,16 @@ def _in_groups(study: Study, title: str) -> str:
 
 def label(run: Run) -> str:
     """Label a run by method, map and rho, and by the hash that its name ends in: three lines."""
+    return "\n".join(label_lines(run))
+
+
+def label_lines(run: Run) -> tuple[str, str, str]:
+    """Write method, map and rho, and hash of a run."""
     method = method_of(stored_options(run.science))
-    return "\n".join(
-        harmless(line)
-        for line in (
-            f"{' '.join(choice.name for choice in method.choices)} {method.scope}",
-            f"{run.terrain.name} rho {run.config.rho:g}",
-            run.name.rsplit("-", 1)[1],
-        )
+    return (
+        harmless(f"{' '.join(choice.name for choice in method.choices)} {method.scope}"),
+        harmless(f"{run.terrain.name} rho {run.config.rho:g}"),
+        harmless(run.name.rsplit("-", 1)[1]),
     )
 
 
@@ -225,8 +227,9 @@ def _print_closing_groups(
     units = " or ".join(sorted({run.terrain.unit for run, _ in study.runs}))
     title = _in_groups(study, f"RMSE in {units} at the end")
     print_table(console, title, columns, rows, named=2)
-    say(console, "RMSE: median of the runs' means [least, greatest]; each run: infoplan "
-                 "show; all readings of the paper together: infoplan multiverse")  # fmt: skip
+    say(console, "RMSE: median of the runs' means [least, greatest]; infoplan show tells of one "
+                 "run, infoplan leaderboard ranks methods, infoplan multiverse sums up readings of "
+                 "the paper")  # fmt: skip
 
 
 def _ends(study: Study, run: Run, curves: list[StoredCurve]) -> list[bool | None]:

@@ -98,7 +98,11 @@ def _readable(
         if owner and "dict" not in str(owner["type"]):
             raise UsageError(f"{bare[: end.start()]} has no parts: give {bare[: end.start()]}=...")
     metadata = all_options().get(bare)
-    if metadata and metadata["type"] is bool and re.search(r"(^|,)(?![01](,|$))\d+(,|$)", value):
+    if (
+        metadata
+        and metadata["type"] is bool
+        and re.search(r"(^|,)(?![01](,|$))[-+]?\d+(,|$)", value)
+    ):
         # OmegaConf takes every number but 0 for true.
         raise UsageError(f"{override} is not possible: {bare} must be {requirement(metadata)}")
     if OWN_OPTION.match(name):
